@@ -1,7 +1,7 @@
 //! Description of the machine that made a measurement, and its load by other programs.
 
 use ballast::lanes::InstructionSet;
-use ballast_session::files::typed;
+use ballast_session::files::shell_word;
 use ballast_session::profile::cpu_time;
 use std::ffi::OsString;
 use std::time::{Duration, Instant};
@@ -62,7 +62,7 @@ impl MachineInfo {
 
 /// Returns the command line as typed in a shell, with the plain name of the program.
 fn command(arguments: impl Iterator<Item = OsString>) -> String {
-    let words = std::iter::once("ballast".to_string()).chain(arguments.map(typed));
+    let words = std::iter::once("ballast".to_string()).chain(arguments.map(shell_word));
     words.collect::<Vec<_>>().join(" ")
 }
 

@@ -14,7 +14,7 @@ use ballast::state::State;
 use ballast::step::{Phase, StepReport, step};
 use ballast::workspace::Workspace;
 use ballast_scenario::sample::{self, Sample};
-use ballast_session::files::{expect_apart, read_sample, replace_text};
+use ballast_session::files::{expect_different, read_sample, replace_text};
 use ballast_session::profile::{Profile, Spent};
 use ballast_session::statistics::Statistics;
 use ballast_session::{Failure, Reporter, Result};
@@ -60,7 +60,7 @@ const COLUMNS: [&str; FIGURES.len()] = {
 pub fn sample(args: SampleArgs, console: &dyn Reporter) -> Result {
     let csv = args.csv.csv.as_deref();
     let save = args.save.as_deref();
-    expect_apart(&[("the sample", Some(&args.file)), ("--csv", csv), ("--save", save)])?;
+    expect_different(&[("the sample", Some(&args.file)), ("--csv", csv), ("--save", save)])?;
     let machine = MachineInfo::observe();
     let mut sample = read_sample(&args.file)?;
     apply_options(&args, &mut sample)?;

@@ -65,7 +65,7 @@ fn run(
     let mut case = on_bed(case, settings.seed);
     case.plan.run.stepping.step_ns = settings.step_ns;
     case.plan.run.solver.max_iterations = settings.iterations;
-    let (model, mut state) = beds::one_of_many(&case, folder, console)?;
+    let (model, mut state) = beds::scene_without_progress(&case, folder, console)?;
     let cycle = machine::cycle(&case, &model, &state)?;
     let setting = SummarySettings::for_case(&case, &model);
     let mut summary = Summary::new(setting.clone());
@@ -160,7 +160,9 @@ pub fn cycle(size: &SuiteSize, folder: &Path, console: &dyn Reporter) -> Result<
     let seeds: Vec<u64> = (1..=size.beds()).collect();
     // Before the runs, since several of them use the same bed.
     map_parallel("beds", &seeds, console, |seed| {
-        failure_as_text(beds::one_of_many(&on_bed(&case, *seed), folder, console).map(drop))
+        failure_as_text(
+            beds::scene_without_progress(&on_bed(&case, *seed), folder, console).map(drop),
+        )
     })?;
     let of_steps = steps.map(|step_ns| (step_ns, own_cap));
     let of_caps = caps.map(|iterations| (own_step, iterations));

@@ -4,6 +4,7 @@
 
 mod args;
 mod aside;
+mod body_overlap;
 mod commands;
 mod console;
 #[cfg(feature = "zenoh")]
@@ -20,7 +21,6 @@ mod playback;
 mod progress;
 #[cfg(test)]
 mod reference_tests;
-mod room;
 mod session;
 mod start;
 mod taping;

@@ -1,7 +1,7 @@
 //! Message of a panic, which is a bug of the program: version, command, and the checkpoint to resume from.
 
 use crate::console::write_err;
-use crate::files::typed;
+use crate::files::shell_word;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
@@ -18,7 +18,7 @@ pub fn install() {
     let standard = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         standard(panic);
-        let words = std::env::args_os().skip(1).map(typed).collect::<Vec<_>>();
+        let words = std::env::args_os().skip(1).map(shell_word).collect::<Vec<_>>();
         let version = env!("CARGO_PKG_VERSION");
         let command = words.join(" ");
         write_err(&format!(
@@ -27,7 +27,7 @@ pub fn install() {
         ));
         let checkpoint = CHECKPOINT.try_lock().ok().and_then(|path| path.clone());
         if let Some(path) = checkpoint {
-            write_err(&format!("continue the run with: ballast resume {}", typed(path)));
+            write_err(&format!("continue the run with: ballast resume {}", shell_word(path)));
         }
     }));
 }

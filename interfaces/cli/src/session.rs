@@ -11,7 +11,7 @@ use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
-use crate::files::{RunFiles, replace_text, typed};
+use crate::files::{RunFiles, replace_text, shell_word};
 use crate::interrupt;
 use crate::profile::Profile;
 use crate::progress::{Mark, Progress};
@@ -72,7 +72,7 @@ impl Session {
     pub fn resume(path: &Path, last: Option<u64>, console: Console) -> Outcome<Self> {
         // What is no checkpoint of a run leaves nothing in its folder.
         resumable(path)?;
-        let files = RunFiles::beside(path).claimed("wait for it")?;
+        let files = RunFiles::beside(path).locked("wait for it")?;
         // Again: up to here another process may have gone on with it.
         let kept = resumable(path)?;
         let choices = CaseOverrides::from_notes(&kept.extra)?;
@@ -140,7 +140,7 @@ impl Session {
             let step = self.engine.state().step;
             if step == self.first + 1 {
                 // It is about the steps before.
-                self.files.forget_end()?;
+                self.files.remove_end()?;
             }
             let share = ((step - self.first) as f64 / steps).min(1.0);
             progress.advance(share, &self.mark(&report, &progress));
@@ -265,7 +265,7 @@ impl Session {
             format!("stopped after step {step}; a replay starts from the beginning again")
         } else {
             self.checkpoint()?;
-            let path = typed(self.files.checkpoint());
+            let path = shell_word(self.files.checkpoint());
             format!("stopped cleanly after step {step} of {all}; go on with: ballast resume {path}")
         };
         Err(match self.aside.trouble() {
@@ -349,7 +349,7 @@ impl Session {
         if self.engine.state().step > self.first {
             return None;
         }
-        let mut summary = self.files.told_summary()?;
+        let mut summary = self.files.read_summary()?;
         (summary["state_hash"] == hash).then(|| summary["timing"].take())
     }
 

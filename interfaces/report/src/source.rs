@@ -110,7 +110,7 @@ impl ReportSource {
         summary.lost = Some(lost_grains(model, state));
         let frames = frames(&reader, &rows, state, &results)?;
         // After a resume the summary may belong to an earlier state.
-        let summary_file = files.told_summary().filter(|file| file["state_hash"] == state_hash);
+        let summary_file = files.read_summary().filter(|file| file["state_hash"] == state_hash);
         let timing = summary_file.map(|mut summary| summary["timing"].take());
         Ok(Self {
             program: reader.about("program")?,
@@ -147,7 +147,7 @@ impl ReportSource {
 /// A path that belongs to no run.
 pub fn run_files(path: &Path) -> Result<RunFiles> {
     if path.is_dir() {
-        return RunFiles::of_given(path);
+        return RunFiles::of_run_folder(path);
     }
     let files = RunFiles::beside(path);
     let known = [files.results(), files.checkpoint(), files.summary()];

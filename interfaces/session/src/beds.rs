@@ -1,4 +1,4 @@
-//! Prepared beds at the terminal: found, or prepared under the eyes of who waits.
+//! Beds from the cache, or prepared with progress.
 
 use crate::ProgressLabel;
 use crate::Reporter;
@@ -14,51 +14,65 @@ use ballast_beds::{BedStore, PreparationProgress};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Prepares the bed of a case unless it is there; `again` prepares it anyway.
+/// Prepares the bed of a case unless the cache contains it; `again` prepares it anyway.
+///
+/// # Errors
+/// A bed that cannot be prepared, read or written, or an interrupt.
 pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) -> Result {
     let beds = BedStore::new(folder);
     let kept = if again { None } else { beds.find(&case.plan)? };
-    let (prepared, bed) = found_or_made(kept, || make(case, &beds, console))?;
-    announce(case, &beds, &bed, prepared, console);
+    let (prepared, bed) = find_or_prepare(kept, || prepare_bed(case, &beds, console))?;
+    report_bed(case, &beds, &bed, prepared, console);
     let verb = if prepared { "prepared" } else { "already there" };
     console.result(&format!("{verb}: {}", beds.path(&case.plan).display()));
     Ok(())
 }
 
-/// Model and state at the start of a case's run; the bed is prepared if it is not there.
+/// Returns model and state at the start of a run; prepares the bed if necessary.
+///
+/// # Errors
+/// A bed that cannot be prepared, read or written, or an interrupt.
 pub fn scene(case: &Case, folder: &Path, console: &dyn Reporter) -> Result<(Model, State)> {
     let beds = BedStore::new(folder);
-    scene_of(case, &beds, console, || make(case, &beds, console))
+    scene_of(case, &beds, console, || prepare_bed(case, &beds, console))
 }
 
-/// The same for one of many that are prepared at a time, so without a bar.
-pub fn one_of_many(case: &Case, folder: &Path, console: &dyn Reporter) -> Result<(Model, State)> {
+/// Returns model and state at the start of a run; prepares the bed without progress, for many in parallel.
+///
+/// # Errors
+/// A bed that cannot be prepared, read or written, or an interrupt.
+pub fn scene_without_progress(
+    case: &Case,
+    folder: &Path,
+    console: &dyn Reporter,
+) -> Result<(Model, State)> {
     let beds = BedStore::new(folder);
     let make = || unless_stopped(beds.prepare(case, &mut |_| interrupt::flow())?);
     scene_of(case, &beds, console, make)
 }
 
+/// Returns model and state at the start of a run, with `prepare` if the cache has no bed.
 fn scene_of(
     case: &Case,
     beds: &BedStore,
     console: &dyn Reporter,
     make: impl FnOnce() -> Result<Bed>,
 ) -> Result<(Model, State)> {
-    let (prepared, bed) = found_or_made(beds.find(&case.plan)?, make)?;
-    announce(case, beds, &bed, prepared, console);
+    let (prepared, bed) = find_or_prepare(beds.find(&case.plan)?, make)?;
+    report_bed(case, beds, &bed, prepared, console);
     Ok(ballast_beds::scene(&case.plan, bed)?)
 }
 
-/// Whether it is made now, and the bed.
-fn found_or_made(kept: Option<Bed>, make: impl FnOnce() -> Result<Bed>) -> Result<(bool, Bed)> {
+/// Returns the bed, and true if it was prepared now.
+fn find_or_prepare(kept: Option<Bed>, make: impl FnOnce() -> Result<Bed>) -> Result<(bool, Bed)> {
     Ok(match kept {
         Some(bed) => (false, bed),
         None => (true, make()?),
     })
 }
 
-/// Tells of the bed whenever it is used, and whether it is what a bed should be.
-fn announce(case: &Case, beds: &BedStore, bed: &Bed, prepared: bool, console: &dyn Reporter) {
+/// Reports the bed, with a warning if it is not at rest.
+fn report_bed(case: &Case, beds: &BedStore, bed: &Bed, prepared: bool, console: &dyn Reporter) {
     let (key, path) = (case.bed_key(), beds.path(&case.plan));
     let (speed, rest_speed) =
         (mean_speed(&bed.model, &bed.state), case.plan.bed.preparation.rest_speed);
@@ -69,18 +83,18 @@ fn announce(case: &Case, beds: &BedStore, bed: &Bed, prepared: bool, console: &d
     );
     if !at_rest {
         console.warning(&format!(
-            "the bed is not at rest: its grains move at {speed:.1e} m/s in the mean, {rest_speed:.1e} m/s count \
-             as rest"
+            "bed: expected a mean speed of the grains below {rest_speed:.1e} m/s, found {speed:.1e} m/s; increase the \
+             limits of its preparation"
         ));
     }
 }
 
-/// Prepares a bed and keeps it.
-fn make(case: &Case, beds: &BedStore, console: &dyn Reporter) -> Result<Bed> {
+/// Prepares a bed and stores it.
+fn prepare_bed(case: &Case, beds: &BedStore, console: &dyn Reporter) -> Result<Bed> {
     let mut progress = console.start_progress("bed");
     let mut pace = PreparationProgress::default();
     let mut watch = |done: &DepositProgress| {
-        progress.advance(pace.update(done), &PrepareMark(*done));
+        progress.advance(pace.update(done), &PreparationLabel(*done));
         interrupt::flow()
     };
     let bed = beds.prepare(case, &mut watch)?;
@@ -95,14 +109,14 @@ fn make(case: &Case, beds: &BedStore, console: &dyn Reporter) -> Result<Bed> {
 }
 
 fn unless_stopped(bed: Option<Bed>) -> Result<Bed> {
-    let text = "stopped while preparing the bed; the next call prepares it from the start";
+    let text = "stopped while preparing the bed; the next command prepares it from the start";
     bed.ok_or_else(|| Failure::Interrupted(text.into()))
 }
 
-/// Where a preparation stands.
-struct PrepareMark(DepositProgress);
+/// Label of the point that a preparation has reached.
+struct PreparationLabel(DepositProgress);
 
-impl ProgressLabel for PrepareMark {
+impl ProgressLabel for PreparationLabel {
     fn text(&self) -> String {
         let DepositProgress { stage, step, grains, contacts, mean_speed, .. } = self.0;
         format!(

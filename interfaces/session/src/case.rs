@@ -1,7 +1,7 @@
-//! Cases at the command line: from files and recordings, with what it chooses.
+//! Cases from files and recordings, with the choices of the command line.
 
 use crate::Reporter;
-use crate::files::{Ours, ours, read_case, start_of};
+use crate::files::{FileKind, file_kind, read_case, start_of};
 use crate::{Failure, Result};
 use ballast::component::{Component, Limits};
 use ballast::model::Model;
@@ -14,25 +14,30 @@ use ballast_scenario::MAX_CASE_BYTES;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Characters of a line that are told.
-const LONGEST_LINE: usize = 100;
+/// Maximum number of characters of a line in messages.
+const MAX_SHOWN_CHARACTERS: usize = 100;
 
-/// The note in a checkpoint that says which run of a served component it is of.
+/// Key of the note in a checkpoint with the run of a served component.
 pub const RUN_ID: &str = "run_id";
 
-/// Whether others drive the run that a checkpoint is of.
+/// Returns true if the checkpoint belongs to a served run.
 pub fn is_served(kept: &Checkpoint) -> bool {
     kept.extra.contains_key(RUN_ID)
 }
 
-/// Reads a case file; warnings go to the console.
+/// Reads a case file and reports its warnings.
+///
+/// # Errors
+/// A file that cannot be read or is no valid case.
 pub fn load(path: &Path, choices: &CaseOverrides, console: &dyn Reporter) -> Result<Case> {
-    let found = ours(&start_of(path, 64)).map(|ours| match ours {
-        Ours::Sealed => "a checkpoint or a bed; `ballast resume` goes on from a checkpoint",
-        Ours::Hdf5 => {
-            "an HDF5 file, such as results; `ballast export` and `ballast inspect` read these"
+    let found = file_kind(&start_of(path, 64)).map(|kind| match kind {
+        FileKind::Sealed => {
+            "a checkpoint or a bed; continue from a checkpoint with `ballast resume`"
         }
-        Ours::Recording => "a recording; `ballast replay` and `ballast verify` read it",
+        FileKind::Hdf5 => {
+            "an HDF5 file, such as results; read it with `ballast export` or `ballast inspect`"
+        }
+        FileKind::Recording => "a recording; read it with `ballast replay` or `ballast verify`",
     });
     if let Some(found) = found {
         let text = format!("{}: expected a case (TOML), found {found}", path.display());
@@ -42,8 +47,11 @@ pub fn load(path: &Path, choices: &CaseOverrides, console: &dyn Reporter) -> Res
     parse(text, &path.display().to_string(), choices, console)
 }
 
-/// The case of a recording of ours: that in the file, or the one that is given, with what the recorded run chose
-/// where `choices` say nothing else.
+/// Returns the case of a recording made by Ballast: the stored one or the file `given`, with the choices of the recorded run
+/// where `choices` has none.
+///
+/// # Errors
+/// A case that cannot be read or is invalid.
 pub fn recorded(
     windows: &Windows,
     given: Option<&Path>,
@@ -55,7 +63,7 @@ pub fn recorded(
     match given {
         Some(path) => load(path, &choices, console),
         None => {
-            // Whoever ran it was warned.
+            // The recorded run has reported the warnings.
             let name = format!("{}, its case", windows.path().display());
             if meta.case_text.len() as u64 > MAX_CASE_BYTES {
                 let size = meta.case_text.len();
@@ -67,36 +75,49 @@ pub fn recorded(
     }
 }
 
-/// Reads a case from its text; `name` is what messages call the file.
-pub fn parse(text: String, name: &str, choices: &CaseOverrides, console: &dyn Reporter) -> Result<Case> {
+/// Reads a case from its text and reports its warnings; `name` is the name of the file in messages.
+///
+/// # Errors
+/// A text that is no valid case.
+pub fn parse(
+    text: String,
+    name: &str,
+    choices: &CaseOverrides,
+    console: &dyn Reporter,
+) -> Result<Case> {
     let case = Case::parse(text, name)?.with_overrides(*choices);
     case.warnings.iter().for_each(|warning| console.warning(&warning.to_string()));
     Ok(case)
 }
 
-/// The case as a component at `state`.
+/// Creates the component of a case at `state`.
+///
+/// # Errors
+/// A state that does not fit the case.
 pub fn component(case: &Case, model: Arc<Model>, state: State) -> Result<Component> {
     case.component(model, state, Limits::default()).map_err(|e| invalid(case, e))
 }
 
-/// The first line in which two texts of a case differ.
+/// Returns a description of the first line in which two texts of a case differ.
 pub fn first_other_line(recorded: &str, here: &str) -> Option<String> {
-    // Not `lines`: ends of lines may be all that differs.
+    // `lines` would hide differences in line ends.
     let (mut a, mut b) = (recorded.split('\n'), here.split('\n'));
-    let told = |line: Option<&str>| match line {
-        Some(line) => format!("{:?}", line.chars().take(LONGEST_LINE).collect::<String>()),
+    let shown = |line: Option<&str>| match line {
+        Some(line) => format!("{:?}", line.chars().take(MAX_SHOWN_CHARACTERS).collect::<String>()),
         None => "none".into(),
     };
     (1..).find_map(|number| match (a.next(), b.next()) {
         (None, None) => Some(None),
         (x, y) if x == y => None,
-        (x, y) => {
-            Some(Some(format!("line {number} of the case: recorded {}, here {}", told(x), told(y))))
-        }
+        (x, y) => Some(Some(format!(
+            "line {number} of the case: recorded {}, here {}",
+            shown(x),
+            shown(y)
+        ))),
     })?
 }
 
-/// A case that cannot be run.
+/// Creates the failure of a case that cannot be run.
 pub fn invalid(case: &Case, what: impl std::fmt::Display) -> Failure {
     Failure::InvalidCase(format!("{}: {what}", case.plan.name))
 }
@@ -106,9 +127,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_line_that_differs_is_told() {
-        let told = |a, b| first_other_line(a, b);
-        assert_eq!(told("a\nb\n", "a\nb\n"), None);
+    fn first_different_line_is_described() {
+        let difference = |a, b| first_other_line(a, b);
+        assert_eq!(difference("a\nb\n", "a\nb\n"), None);
         for (a, b, says) in [
             (
                 "a\nb = 1\nc",
@@ -119,13 +140,13 @@ mod tests {
             ("a", "a\nb", "line 2 of the case: recorded none, here \"b\""),
             ("a\n", "a", "line 2 of the case: recorded \"\", here none"),
         ] {
-            assert_eq!(told(a, b).unwrap(), says);
+            assert_eq!(difference(a, b).unwrap(), says);
         }
-        assert!(told(&"a".repeat(1 << 20), "").unwrap().len() < 200);
+        assert!(difference(&"a".repeat(1 << 20), "").unwrap().len() < 200);
     }
 
     #[test]
-    fn a_choice_that_is_not_known_is_of_another_version() {
+    fn unknown_choice_belongs_to_another_version() {
         let notes = [("schedule".to_string(), "random".to_string())].into();
         assert_eq!(Failure::from(CaseOverrides::from_notes(&notes).unwrap_err()).code(), 6);
     }

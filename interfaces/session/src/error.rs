@@ -1,33 +1,37 @@
-//! How the program ends: every failure, its word and its exit code, decided here alone.
+//! Failures of the program with their exit codes.
 //!
-//! 0 done · 1 failed · 2 usage · 3 invalid case · 4 transport or deadline · 5 verification
-//! mismatch · 6 incompatible version · 130 interrupted, after a clean checkpoint; who does not wait
-//! for that and asks again after a second gets 1.
+//! 0 success · 1 failure · 2 usage · 3 invalid case · 4 transport or deadline · 5 verification mismatch · 6 incompatible
+//! version · 130 interrupted after a clean checkpoint; a second Ctrl-C after a second aborts with 1.
 
 use ballast_scenario::CaseErrors;
 use std::fmt::Display;
 use std::path::Path;
 
-/// Why the program does not end with 0. The text is for the person at the terminal.
+/// Failure of a command, with a message for the user.
 #[derive(Debug, thiserror::Error)]
 pub enum Failure {
+    /// General failure.
     #[error("{0}")]
     Failed(String),
+    /// Wrong usage of the command line.
     #[error("{0}")]
     Usage(String),
+    /// Invalid case.
     #[error("{0}")]
     InvalidCase(String),
-    /// The same, with the places in the case file.
+    /// Invalid case, with positions in the case file.
     #[error(transparent)]
     Case(#[from] CaseErrors),
-    /// Without the feature `zenoh` no command speaks over a transport.
-    #[cfg_attr(not(feature = "zenoh"), allow(dead_code))]
+    /// Failure of the transport, or a missed deadline.
     #[error("{0}")]
     Transport(String),
+    /// Result that differs from the expected one.
     #[error("{0}")]
     Mismatch(String),
+    /// File of an incompatible version.
     #[error("{0}")]
     Incompatible(String),
+    /// Interrupt by the user.
     #[error("{0}")]
     Interrupted(String),
 }
@@ -36,12 +40,12 @@ pub enum Failure {
 pub type Result<T = (), E = Failure> = std::result::Result<T, E>;
 
 impl Failure {
-    /// Something went wrong with `path`.
+    /// Creates a general failure about `path`.
     pub fn at(path: &Path, what: impl Display) -> Self {
         Failure::Failed(format!("{}: {what}", path.display()))
     }
 
-    /// The same with more to say.
+    /// Returns the failure with `more` appended to its message.
     pub fn with(mut self, more: &str) -> Self {
         let text = match &mut self {
             Failure::Case(errors) => return Failure::InvalidCase(format!("{errors}{more}")),
@@ -57,7 +61,7 @@ impl Failure {
         self
     }
 
-    /// The process's exit code.
+    /// Exit code of the process.
     pub fn code(&self) -> u8 {
         match self {
             Failure::Failed(_) => 1,
@@ -70,7 +74,7 @@ impl Failure {
         }
     }
 
-    /// The failure's word in events.
+    /// Name of the failure in events.
     pub fn word(&self) -> &'static str {
         match self {
             Failure::Failed(_) => "failed",
@@ -104,7 +108,7 @@ impl From<ballast_hdf5::Error> for Failure {
 
 impl From<ballast_scenario::OverrideError> for Failure {
     fn from(unknown: ballast_scenario::OverrideError) -> Self {
-        Failure::Incompatible(format!("what was chosen for the run, {unknown}"))
+        Failure::Incompatible(format!("choices of the run: {unknown}"))
     }
 }
 

@@ -1,4 +1,4 @@
-//! The files of one run, side by side in one folder.
+//! Files of a run in one folder, and files of the command line.
 
 use crate::case;
 use crate::{Failure, Result};
@@ -16,174 +16,194 @@ use std::sync::Arc;
 
 /// First characters of every page that the program writes.
 pub const PAGE_START: &str = "<!DOCTYPE html>";
-/// What a process that writes a run has locked.
-const LOCK: &str = ".lock";
-/// What lies beside results while they are written, and is removed with their end.
-const SPARE: &str = "results.vtkhdf.spare";
-/// Most bytes of a summary.
-const LONGEST_SUMMARY: u64 = 16 << 20;
+/// File that a process locks while it writes a run.
+const LOCK_FILE: &str = ".lock";
+/// Backup of the index of results, which exists while they are written.
+const INDEX_BACKUP: &str = "results.vtkhdf.spare";
+/// Maximum size of a summary, bytes.
+const MAX_SUMMARY_BYTES: u64 = 16 << 20;
 
-/// Paths of a run's files.
+/// Files of a run.
 #[derive(Debug, Clone)]
 pub struct RunFiles {
+    /// Folder of the run.
     pub folder: PathBuf,
-    /// A file of the folder, locked; the system lets go of it with the last copy, however the process ends.
-    _claim: Option<Arc<File>>,
+    /// Locked file; the system releases the lock with the last copy, however the process ends.
+    _lock: Option<Arc<File>>,
 }
 
 impl RunFiles {
-    /// The files in `folder`.
+    /// Returns the files in `folder`, without a lock.
     pub fn in_folder(folder: impl Into<PathBuf>) -> Self {
-        Self { folder: folder.into(), _claim: None }
+        Self { folder: folder.into(), _lock: None }
     }
 
-    /// The files of a run that begins in `folder`.
-    pub fn begun_in(folder: impl Into<PathBuf>) -> Result<Self> {
-        Self::in_folder(folder).claimed("wait for it, or choose another folder with --out")
+    /// Locks the files of a new run in `folder`.
+    ///
+    /// # Errors
+    /// A folder in which another process writes a run.
+    pub fn create_in(folder: impl Into<PathBuf>) -> Result<Self> {
+        Self::in_folder(folder).locked("wait for it, or choose another folder with --out")
     }
 
-    /// The same, to be written by this process alone; the folder is made. `or` is what can be done while another
-    /// writes there.
-    pub fn claimed(self, or: &str) -> Result<Self> {
+    /// Locks the files for this process and creates the folder. `hint` says what to do while another process writes.
+    ///
+    /// # Errors
+    /// A folder in which another process writes a run.
+    pub fn locked(self, hint: &str) -> Result<Self> {
         let file = self.lock_file()?;
         match file.try_lock() {
-            Ok(()) => Ok(self.owning(file)),
+            Ok(()) => Ok(self.with_lock(file)),
             Err(TryLockError::WouldBlock) => {
-                let what = format!("another process writes a run there; {or}");
+                let what = format!("another process writes a run there; {hint}");
                 Err(Failure::at(&self.folder, what))
             }
-            // A file system that knows no locks.
+            // The file system has no locks.
             Err(TryLockError::Error(_)) => Ok(self),
         }
     }
 
-    /// The same, when its turn has come.
-    pub fn claimed_in_turn(self) -> Result<Self> {
+    /// Waits for the lock of the files.
+    ///
+    /// # Errors
+    /// A folder that cannot be created.
+    pub fn lock_when_free(self) -> Result<Self> {
         let file = self.lock_file()?;
-        // A file system that knows no locks has no turns.
-        Ok(if file.lock().is_ok() { self.owning(file) } else { self })
+        // The file system may have no locks.
+        Ok(if file.lock().is_ok() { self.with_lock(file) } else { self })
     }
 
-    /// The same with the lock, and without what a process that was killed has left of its writing.
-    fn owning(self, lock: File) -> Self {
-        let spare = self.folder.join(SPARE);
-        for own in [self.results(), self.checkpoint(), self.summary(), spare] {
+    /// Returns the files with their lock, and removes temporary files of a killed process.
+    fn with_lock(self, lock: File) -> Self {
+        let index_backup = self.folder.join(INDEX_BACKUP);
+        for own in [self.results(), self.checkpoint(), self.summary(), index_backup] {
             ballast_hdf5::clear(&own);
         }
-        Self { _claim: Some(Arc::new(lock)), ..self }
+        Self { _lock: Some(Arc::new(lock)), ..self }
     }
 
     fn lock_file(&self) -> Result<File> {
         create_folder(&self.folder)?;
-        // Of its own, and open to be written: so it holds over a network, too.
-        let path = self.folder.join(LOCK);
+        // A separate file opened for writing, so that the lock works on network file systems.
+        let path = self.folder.join(LOCK_FILE);
         let file = File::options().create(true).truncate(false).write(true).open(&path);
         file.map_err(|e| Failure::at(&path, e))
     }
 
-    /// The files of the run whose folder is given for one of them; refuses a folder that holds no run.
-    pub fn of_given(folder: &Path) -> Result<Self> {
+    /// Returns the files of the run in `folder`.
+    ///
+    /// # Errors
+    /// A folder without a run.
+    pub fn of_run_folder(folder: &Path) -> Result<Self> {
         let files = Self::in_folder(folder);
-        if files.is_there() {
+        if files.exists() {
             return Ok(files);
         }
         let within = std::fs::read_dir(folder).into_iter().flatten().flatten();
         let run =
-            within.map(|entry| entry.path()).filter(|path| Self::in_folder(path).is_there()).min();
-        let hint = run.map(|run| format!("; {} is one", typed(run))).unwrap_or_default();
+            within.map(|entry| entry.path()).filter(|path| Self::in_folder(path).exists()).min();
+        let hint = run.map(|run| format!("; {} is one", shell_word(run))).unwrap_or_default();
         let what = "expected the folder of a run, found one without its files";
         Err(Failure::at(folder, format!("{what}{hint}")))
     }
 
-    /// Whether there is any of them.
-    fn is_there(&self) -> bool {
+    /// Returns true if any of the files exists.
+    fn exists(&self) -> bool {
         [self.results(), self.checkpoint(), self.summary()].iter().any(|file| file.exists())
     }
 
-    /// The files beside a checkpoint.
+    /// Returns the files beside a checkpoint.
     pub fn beside(checkpoint: &Path) -> Self {
         let folder = checkpoint.parent().filter(|p| !p.as_os_str().is_empty());
         Self::in_folder(folder.unwrap_or(Path::new(".")))
     }
 
-    /// Bodies, forces and tables over time.
+    /// Path of the results: bodies, forces and tables over time.
     pub fn results(&self) -> PathBuf {
         self.folder.join("results.vtkhdf")
     }
 
-    /// What `resume` continues from.
+    /// Path of the checkpoint, from which `resume` continues.
     pub fn checkpoint(&self) -> PathBuf {
         self.folder.join("checkpoint.h5")
     }
 
-    /// The final figures.
+    /// Path of the summary.
     pub fn summary(&self) -> PathBuf {
         self.folder.join("summary.json")
     }
 
-    /// The page about the run.
+    /// Path of the report.
     pub fn report(&self) -> PathBuf {
         self.folder.join("report.html")
     }
 
-    /// Whether a run stopped here before its end, be it where it was told to, or was ended before its first checkpoint.
+    /// Returns true if the folder contains a run that stopped before its end.
     pub fn is_unfinished(&self) -> bool {
-        self.is_resumable() || self.results().exists() && self.told_summary().is_none()
+        self.is_resumable() || self.results().exists() && self.read_summary().is_none()
     }
 
-    /// Whether a run stopped here that can be gone on with.
+    /// Returns true if the folder contains an unfinished run with a checkpoint.
     pub fn is_resumable(&self) -> bool {
-        self.checkpoint().exists() && self.whole_summary().is_none()
+        self.checkpoint().exists() && self.complete_summary().is_none()
     }
 
-    /// What the summary says, where it is that of a run up to its end.
-    pub fn whole_summary(&self) -> Option<Value> {
-        self.told_summary().filter(|summary| summary["complete"] == true)
+    /// Returns the summary of a finished run; `None` for others.
+    pub fn complete_summary(&self) -> Option<Value> {
+        self.read_summary().filter(|summary| summary["complete"] == true)
     }
 
-    /// What the summary says, where there is one.
-    pub fn told_summary(&self) -> Option<Value> {
-        serde_json::from_str(&read_text(&self.summary(), LONGEST_SUMMARY).ok()?).ok()
+    /// Returns the summary; `None` if there is none.
+    pub fn read_summary(&self) -> Option<Value> {
+        serde_json::from_str(&read_text(&self.summary(), MAX_SUMMARY_BYTES).ok()?).ok()
     }
 
-    /// Whether a process is writing them.
+    /// Returns true if a process is writing the files.
     pub fn is_written(&self) -> bool {
-        // A lock to read with: it is let go of at once, and asks for no right to write.
-        let lock = File::open(self.folder.join(LOCK)).map(|file| file.try_lock_shared());
+        // A shared lock, which is released at once and needs no right to write.
+        let lock = File::open(self.folder.join(LOCK_FILE)).map(|file| file.try_lock_shared());
         matches!(lock, Ok(Err(TryLockError::WouldBlock)))
     }
 
-    /// What went wrong with reading a file of the run, and why it may have.
-    pub fn unread(&self, failure: Failure) -> Failure {
+    /// Returns the failure to read a file of the run, with a hint if the run is being written.
+    pub fn explain_read_failure(&self, failure: Failure) -> Failure {
         if !self.is_written() {
             return failure;
         }
         let folder = self.folder.display();
-        failure.with(&format!("; a run is writing in {folder}: try again when it has ended"))
+        failure.with(&format!("; a run is writing in {folder}; try again when it has ended"))
     }
 
-    /// Refuses a file of the run for something else.
+    /// Checks that `path` is none of the files of the run.
+    ///
+    /// # Errors
+    /// A file of the run.
     pub fn refuse_own(&self, path: &Path) -> Result {
-        let beside = [LOCK, SPARE].map(|name| self.folder.join(name));
+        let beside = [LOCK_FILE, INDEX_BACKUP].map(|name| self.folder.join(name));
         let own = [self.results(), self.checkpoint(), self.summary(), self.report()];
         if own.iter().chain(&beside).any(|file| same_file(file, path)) {
-            let text = "expected a file that is none of the run's own, found one of them";
+            let text = "expected a file that does not belong to the run, found one of its files";
             return Err(Failure::Usage(format!("{}: {text}", path.display())));
         }
         Ok(())
     }
 
-    /// Refuses a file of the run, and one that cannot be written, for a recording of it: before a bed is prepared, and anything
-    /// removed.
-    pub fn may_record(&self, path: Option<&Path>) -> Result {
+    /// Checks that a recording can be written to `path`.
+    ///
+    /// # Errors
+    /// A file of the run, or one that cannot be written.
+    pub fn check_recording(&self, path: Option<&Path>) -> Result {
         let Some(path) = path else { return Ok(()) };
         self.refuse_own(path)?;
         may_become_a_recording(path)?;
-        writable(path)
+        check_writable(path)
     }
 
-    /// Refuses a folder where a run stopped before its end; `or` is what else can be done than to go on with it.
-    pub fn refuse_unfinished(&self, or: &str) -> Result {
+    /// Checks that the folder contains no unfinished run; `hint` is an alternative to continuing it.
+    ///
+    /// # Errors
+    /// A folder with an unfinished run.
+    pub fn refuse_unfinished(&self, hint: &str) -> Result {
         if !self.is_unfinished() {
             return Ok(());
         }
@@ -191,43 +211,48 @@ impl RunFiles {
         if !self.is_resumable() {
             let results = self.results();
             return Err(Failure::Usage(format!(
-                "{folder} holds a run or a replay that was ended before its first checkpoint; `ballast export {} \
-                 --out DIR` writes out what it recorded; {or}",
-                typed(&results)
+                "{folder} contains a run or a replay that ended before its first checkpoint; export its records with \
+                 `ballast export {} --out DIR`, or {hint}",
+                shell_word(&results)
             )));
         }
-        let kept = checkpoint::read(&checkpoint).ok();
-        let is_served = kept.as_ref().is_some_and(case::is_served);
-        let of = kept.map_or(String::new(), |kept| format!(" of `{}`", kept.case_name));
+        let stored = checkpoint::read(&checkpoint).ok();
+        let is_served = stored.as_ref().is_some_and(case::is_served);
+        let of = stored.map_or(String::new(), |stored| format!(" of `{}`", stored.case_name));
         let how = if is_served {
-            format!("`ballast serve CASE --out {} --resume`", typed(&self.folder))
+            format!("`ballast serve CASE --out {} --resume`", shell_word(&self.folder))
         } else {
-            format!("`ballast resume {}`", typed(&checkpoint))
+            format!("`ballast resume {}`", shell_word(&checkpoint))
         };
         Err(Failure::Usage(format!(
-            "{folder} holds an unfinished run{of}; go on with {how}, or {or}"
+            "{folder} contains an unfinished run{of}; continue it with {how}, or {hint}"
         )))
     }
 
-    /// Refuses a folder that holds the finished run of another case: who changes a copy of a case and leaves its name does
-    /// not mean to lose that.
+    /// Checks that the folder contains no finished run of another case, such as that of a copy with the same name.
+    ///
+    /// # Errors
+    /// A folder with the finished run of another case.
     pub fn refuse_another(&self, case_text: &str) -> Result {
         let results = self.results();
         let text_of = || Reader::open(&results)?.about("case_text");
-        match self.whole_summary().map(|_| text_of()) {
+        match self.complete_summary().map(|_| text_of()) {
             Some(Ok(found)) if found != case_text => Err(Failure::Usage(format!(
-                "{} holds the finished run of another case, or of this one as it was; choose another folder with --out, or \
-                 replace it with --force",
+                "{} contains the finished run of another case or of an earlier text of this one; choose another folder \
+                 with --out, or replace it with --force",
                 self.folder.display()
             ))),
-            // What cannot be read is no run that could be lost.
+            // A file that cannot be read is no run that could be lost.
             _ => Ok(()),
         }
     }
 
-    /// Refuses a folder that holds a finished run, which a replay would take the place of: no replay leaves a checkpoint.
+    /// Checks that the folder contains no finished run, which a replay would replace.
+    ///
+    /// # Errors
+    /// A folder with a finished run.
     pub fn refuse_run(&self) -> Result {
-        if self.whole_summary().is_none() || !self.checkpoint().exists() {
+        if self.complete_summary().is_none() || !self.checkpoint().exists() {
             return Ok(());
         }
         let folder = self.folder.display();
@@ -236,27 +261,33 @@ impl RunFiles {
         Err(Failure::Usage(format!("{folder}: {what}; {how}")))
     }
 
-    /// Removes the final figures of a run that is gone on with, and the page about it.
-    pub fn forget_end(&self) -> Result {
+    /// Removes summary and report of a run that is being continued.
+    ///
+    /// # Errors
+    /// A file that cannot be removed.
+    pub fn remove_end(&self) -> Result {
         remove(&self.summary())?;
         self.remove_report()
     }
 
-    /// Removes the page about the run; one that somebody else has put there is no report.
+    /// Removes the report, unless the file is something else.
     fn remove_report(&self) -> Result {
         let report = self.report();
         if begins_with(&report, PAGE_START.as_bytes()) { remove(&report) } else { Ok(()) }
     }
 
-    /// Removes what an earlier run left, so that no old file passes for one of the new run.
+    /// Removes the files of an earlier run.
+    ///
+    /// # Errors
+    /// A file that cannot be removed.
     pub fn remove_all(&self) -> Result {
         [self.summary(), self.checkpoint(), self.results()].iter().try_for_each(|f| remove(f))?;
         self.remove_report()
     }
 }
 
-/// A word as it is typed in a shell.
-pub fn typed(word: impl AsRef<OsStr>) -> String {
+/// Quotes a word for a shell if necessary.
+pub fn shell_word(word: impl AsRef<OsStr>) -> String {
     let text = word.as_ref().to_string_lossy();
     let is_plain = |c: char| c.is_alphanumeric() || "-_./:,=+@%".contains(c);
     if !text.is_empty() && text.chars().all(is_plain) {
@@ -265,7 +296,7 @@ pub fn typed(word: impl AsRef<OsStr>) -> String {
     format!("'{}'", text.replace('\'', r"'\''"))
 }
 
-/// Removes a file, if it is there.
+/// Removes a file if it exists.
 fn remove(file: &Path) -> Result {
     match std::fs::remove_file(file) {
         Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
@@ -275,17 +306,17 @@ fn remove(file: &Path) -> Result {
     }
 }
 
-/// Whether two paths lead to one file, be it there or still to be made: links and ways round are looked through.
+/// Returns true if two paths lead to one file, existing or not; resolves links.
 pub fn same_file(a: &Path, b: &Path) -> bool {
     match (a.metadata(), b.metadata()) {
-        (Ok(file_a), Ok(file_b)) => is_one(&file_a, &file_b, [a, b]),
-        (Err(_), Err(_)) => place(a).is_some_and(|place_a| place(b) == Some(place_a)),
+        (Ok(file_a), Ok(file_b)) => is_same(&file_a, &file_b, [a, b]),
+        (Err(_), Err(_)) => location(a).is_some_and(|of_a| location(b) == Some(of_a)),
         _ => false,
     }
 }
 
 #[cfg(unix)]
-fn is_one(a: &Metadata, b: &Metadata, _: [&Path; 2]) -> bool {
+fn is_same(a: &Metadata, b: &Metadata, _: [&Path; 2]) -> bool {
     use std::os::unix::fs::MetadataExt;
     (a.dev(), a.ino()) == (b.dev(), b.ino())
 }
@@ -296,15 +327,18 @@ fn is_one(_: &Metadata, _: &Metadata, paths: [&Path; 2]) -> bool {
     a.is_some() && a == b
 }
 
-/// Folder and name of a file that is not there.
-fn place(path: &Path) -> Option<(PathBuf, OsString)> {
+/// Returns folder and name of a file that does not exist.
+fn location(path: &Path) -> Option<(PathBuf, OsString)> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
     let folder = folder.unwrap_or(Path::new(".")).canonicalize().ok()?;
     Some((folder, path.file_name()?.to_owned()))
 }
 
-/// Refuses files of a command line, by what each is for, of which two are one: the second would cost the first.
-pub fn expect_apart(files: &[(&str, Option<&Path>)]) -> Result {
+/// Checks that the files of a command line, each with its purpose, are different.
+///
+/// # Errors
+/// One file for two purposes.
+pub fn expect_different(files: &[(&str, Option<&Path>)]) -> Result {
     let given: Vec<(&str, &Path)> =
         files.iter().filter_map(|(what, path)| Some((*what, (*path)?))).collect();
     for (k, (what, path)) in given.iter().enumerate() {
@@ -316,56 +350,70 @@ pub fn expect_apart(files: &[(&str, Option<&Path>)]) -> Result {
     Ok(())
 }
 
-/// Makes a folder and those above it.
+/// Creates a folder and its parents.
+///
+/// # Errors
+/// A folder that cannot be created.
 pub fn create_folder(folder: &Path) -> Result {
     std::fs::create_dir_all(folder)
-        .map_err(|e| Failure::at(folder, format!("cannot make the folder: {e}")))
+        .map_err(|e| Failure::at(folder, format!("cannot create the folder: {e}")))
 }
 
-/// Whether a file begins with these bytes.
-pub fn begins_with(path: &Path, words: &[u8]) -> bool {
-    start_of(path, words.len() as u64) == words
+/// Returns true if a file starts with `bytes`.
+pub fn begins_with(path: &Path, bytes: &[u8]) -> bool {
+    start_of(path, bytes.len() as u64) == bytes
 }
 
-/// The first bytes, at most so many, of a file, not of a pipe that would be waited for; none where it cannot be read.
-pub fn start_of(path: &Path, most: u64) -> Vec<u8> {
+/// Returns the first bytes of a regular file, at most `max`; none if it cannot be read.
+pub fn start_of(path: &Path, max: u64) -> Vec<u8> {
     let mut start = Vec::new();
     if path.is_file() {
-        // What cannot be read is for its reader to tell.
-        let _ = File::open(path).and_then(|file| file.take(most).read_to_end(&mut start));
+        // The reader of the file reports errors.
+        let _ = File::open(path).and_then(|file| file.take(max).read_to_end(&mut start));
     }
     start
 }
 
-/// The files of ours that their first bytes tell.
-pub enum Ours {
-    /// A bed or a checkpoint.
+/// Kind of a file, recognised by its first bytes.
+pub enum FileKind {
+    /// Bed or checkpoint.
     Sealed,
+    /// HDF5 file, such as results.
     Hdf5,
+    /// MCAP file.
     Recording,
 }
 
-/// Which of our files begins with `start`.
-pub fn ours(start: &[u8]) -> Option<Ours> {
+/// Returns the kind of a file that starts with `start`.
+pub fn file_kind(start: &[u8]) -> Option<FileKind> {
     match start {
-        _ if start.starts_with(b"ballast-") => Some(Ours::Sealed),
-        _ if start.starts_with(b"\x89HDF") => Some(Ours::Hdf5),
-        _ if start.starts_with(b"\x89MCAP0") => Some(Ours::Recording),
+        _ if start.starts_with(b"ballast-") => Some(FileKind::Sealed),
+        _ if start.starts_with(b"\x89HDF") => Some(FileKind::Hdf5),
+        _ if start.starts_with(b"\x89MCAP0") => Some(FileKind::Recording),
         _ => None,
     }
 }
 
 /// Reads a text file of at most `limit` bytes.
+///
+/// # Errors
+/// A file that cannot be read, is too long or no UTF-8.
 pub fn read_text(path: &Path, limit: u64) -> Result<String> {
     read(path, limit, Failure::Failed)
 }
 
-/// The same of a text that says what is to be run.
+/// Reads a case or plan of at most `limit` bytes.
+///
+/// # Errors
+/// A file that cannot be read, is too long or no UTF-8.
 pub fn read_case(path: &Path, limit: u64) -> Result<String> {
     read(path, limit, Failure::InvalidCase)
 }
 
-/// Reads a sample.
+/// Reads a neutral sample.
+///
+/// # Errors
+/// A file that cannot be read or is no valid sample.
 pub fn read_sample(path: &Path) -> Result<Sample> {
     let text = read_text(path, sample::MAX_SAMPLE_BYTES)?;
     let read = sample::read(&text, &path.display().to_string());
@@ -386,10 +434,13 @@ fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Result<Stri
     })
 }
 
-/// Replaces a text file in one go: readers see the old text or the new one, never a part.
+/// Replaces a text file atomically.
+///
+/// # Errors
+/// A file that cannot be written; it keeps its content.
 pub fn replace_text(path: &Path, text: &str) -> Result {
     let replaced = ballast_hdf5::replace(path, &[text.as_bytes()]);
-    replaced.map_err(|e| Failure::from(e).with("; what was there before is kept"))
+    replaced.map_err(|e| Failure::from(e).with("; the file keeps its content"))
 }
 
 /// Returns a table as CSV; values with commas or quotes are quoted.
@@ -407,42 +458,62 @@ where
     String::from_utf8(bytes).expect("values are text")
 }
 
-/// Refuses a path that [`replace_text`] could not write: before the work whose result goes there.
-pub fn writable(path: &Path) -> Result {
+/// Checks that [`replace_text`] can write a path.
+///
+/// # Errors
+/// A path that cannot be written.
+pub fn check_writable(path: &Path) -> Result {
     ballast_hdf5::replaceable(path).map_err(|e| Failure::at(path, e))
 }
 
-/// Refuses a path that cannot be written, or where something lies that is not empty and not `what`, as `is_one` tells:
-/// a slip of the command line is not to cost a case or results.
-pub fn may_replace(path: &Path, what: &str, is_one: impl FnOnce() -> bool) -> Result<(), String> {
+/// Checks that a path can be written and does not contain another kind of file, which a mistyped path would destroy.
+///
+/// `what` describes files that may be replaced; `is_replaceable` recognises them.
+///
+/// # Errors
+/// A path that cannot be written, or another file.
+pub fn check_replaceable(
+    path: &Path,
+    what: &str,
+    is_replaceable: impl FnOnce() -> bool,
+) -> Result<(), String> {
     ballast_hdf5::replaceable(path).map_err(|e| e.to_string())?;
-    if path.metadata().is_ok_and(|file| file.len() > 0) && !is_one() {
-        return Err(format!("expected a new file, or {what} to replace, found something else"));
+    if path.metadata().is_ok_and(|file| file.len() > 0) && !is_replaceable() {
+        return Err(format!("expected a new file or {what} to replace, found another file"));
     }
     Ok(())
 }
 
-/// A path for a table, as an option takes it.
+/// Parses the path of a table.
+///
+/// # Errors
+/// A path that cannot be written, or another file.
 pub fn table(path: &str) -> Result<PathBuf, String> {
-    may_become(path, &["csv"])
+    output_path(path, &["csv"])
 }
 
-/// The same for a table or a page.
+/// Parses the path of a table or a page.
+///
+/// # Errors
+/// A path that cannot be written, or another file.
 pub fn table_or_page(path: &str) -> Result<PathBuf, String> {
-    may_become(path, &["csv", "html"])
+    output_path(path, &["csv", "html"])
 }
 
-/// The same for a sample.
+/// Parses the path of a sample.
+///
+/// # Errors
+/// A path that cannot be written, or another file.
 pub fn sample(path: &str) -> Result<PathBuf, String> {
-    may_become(path, &["json"])
+    output_path(path, &["json"])
 }
 
-/// One is told by how its name ends.
-fn may_become(path: &str, endings: &[&str]) -> Result<PathBuf, String> {
+/// Checks a path whose extension decides the format.
+fn output_path(path: &str, endings: &[&str]) -> Result<PathBuf, String> {
     let path = PathBuf::from(path);
     let ends = |ending: &&str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
     let what = format!("one (.{})", endings.join(", ."));
-    may_replace(&path, &what, || endings.iter().any(ends))?;
+    check_replaceable(&path, &what, || endings.iter().any(ends))?;
     Ok(path)
 }
 
@@ -451,13 +522,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_checkpoint_without_a_folder_lies_here() {
+    fn checkpoint_without_folder_is_in_the_working_folder() {
         assert_eq!(RunFiles::beside(Path::new("checkpoint.h5")).folder, Path::new("."));
         assert_eq!(RunFiles::beside(Path::new("a/b.h5")).folder, Path::new("a"));
     }
 
     #[test]
-    fn only_a_run_that_says_so_is_complete() {
+    fn summary_must_say_complete() {
         let folder = tempfile::tempdir().unwrap();
         let files = RunFiles::in_folder(folder.path().to_owned());
         for (text, is_whole) in [
@@ -470,22 +541,22 @@ mod tests {
             ("", false),
         ] {
             std::fs::write(files.summary(), text).unwrap();
-            assert_eq!(files.whole_summary().is_some(), is_whole, "{text}");
+            assert_eq!(files.complete_summary().is_some(), is_whole, "{text}");
         }
     }
 
     #[test]
-    fn a_failed_replacement_keeps_the_old_text() {
+    fn failed_replacement_keeps_the_old_text() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("summary.json");
         replace_text(&path, "old").unwrap();
         replace_text(&path, "new").unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "new");
-        // A name so long that no other one fits beside it.
+        // No temporary name fits beside a name of this length.
         let path = folder.path().join("a".repeat(250));
         std::fs::write(&path, "old").unwrap();
-        let said = replace_text(&path, "new").unwrap_err().to_string();
-        assert!(said.ends_with("what was there before is kept"), "{said}");
+        let message = replace_text(&path, "new").unwrap_err().to_string();
+        assert!(message.ends_with("the file keeps its content"), "{message}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "old");
     }
 }

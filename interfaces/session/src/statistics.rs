@@ -1,8 +1,8 @@
-//! Means and extremes of figures that come one by one.
+//! Means, extremes and quartiles of series of values.
 
 use serde_json::{Value, json};
 
-/// Count, mean and largest value.
+/// Number, mean and largest value of a series.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Statistics {
     count: u64,
@@ -11,7 +11,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Takes one more value.
+    /// Adds a value.
     pub fn take(&mut self, value: f64) {
         self.count += 1;
         self.sum += value;
@@ -23,52 +23,56 @@ impl Statistics {
         self.count
     }
 
-    /// Mean; 0 of nothing.
+    /// Mean; 0 without values.
     pub fn mean(&self) -> f64 {
         if self.count == 0 { 0.0 } else { self.sum / self.count as f64 }
     }
 
-    /// Largest value; 0 of nothing.
+    /// Largest value; 0 without values.
     pub fn max(&self) -> f64 {
         self.max.unwrap_or(0.0)
     }
 
-    /// Whether there was any value.
+    /// Returns true if there are no values.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
 
-    /// Mean and maximum; null of nothing.
+    /// Returns mean and maximum as JSON; null without values.
     pub fn json(&self) -> Value {
         let mean = (!self.is_empty()).then(|| self.mean());
         json!({ "mean": mean, "max": self.max })
     }
 }
 
-/// Median and quartiles: the middle, and the half around it.
+/// Median and quartiles.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Quartiles {
+    /// Lower quartile.
     pub low: f64,
+    /// Median.
     pub median: f64,
+    /// Upper quartile.
     pub high: f64,
 }
 
 impl Quartiles {
-    /// Of values in any order, between neighbours where a quarter lies between; zeros of nothing.
+    /// Returns the quartiles of values in any order, interpolated linearly; zeros without values.
     pub fn of(values: &[f64]) -> Self {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
         let Some(last) = sorted.len().checked_sub(1) else { return Self::default() };
-        let at = |share: f64| {
-            let place = share * last as f64;
-            let (below, above) = (sorted[place as usize], sorted[place.ceil() as usize]);
-            below + (above - below) * place.fract()
+        let at = |fraction: f64| {
+            let position = fraction * last as f64;
+            let below = sorted[position as usize];
+            let above = sorted[position.ceil() as usize];
+            below + (above - below) * position.fract()
         };
         Self { low: at(0.25), median: at(0.5), high: at(0.75) }
     }
 }
 
-/// Mean over the last values of a vector-valued figure, for peaks that are no single impact.
+/// Moving mean of vectors, for peaks that are not single impacts.
 #[derive(Debug, Clone)]
 pub struct MovingMean {
     window: Vec<[f64; 3]>,
@@ -77,22 +81,23 @@ pub struct MovingMean {
 }
 
 impl MovingMean {
-    /// A mean over `length` values, at least one.
+    /// Creates a mean over `length` values, at least one.
     pub fn new(length: usize) -> Self {
         Self { window: vec![[0.0; 3]; length.max(1)], next: 0, filled: 0 }
     }
 
-    /// Forgets all values.
+    /// Removes all values.
     pub fn clear(&mut self) {
-        (self.next, self.filled) = (0, 0);
+        self.next = 0;
+        self.filled = 0;
     }
 
-    /// Takes a value; the mean over the window once it is full.
+    /// Adds a value and returns the mean, `None` until the window is full.
     pub fn take(&mut self, value: [f64; 3]) -> Option<[f64; 3]> {
         self.window[self.next] = value;
         self.next = (self.next + 1) % self.window.len();
         self.filled = (self.filled + 1).min(self.window.len());
-        // Summed anew: a running sum would carry the rounding of values that have left.
+        // A running sum would keep the rounding errors of earlier values.
         (self.filled == self.window.len()).then(|| {
             let sum =
                 self.window.iter().fold([0.0; 3], |s, v| [s[0] + v[0], s[1] + v[1], s[2] + v[2]]);
@@ -101,7 +106,7 @@ impl MovingMean {
     }
 }
 
-/// Euclidean norm.
+/// Euclidean norm of `v`.
 pub fn norm(v: [f64; 3]) -> f64 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
@@ -120,7 +125,7 @@ mod tests {
     }
 
     #[test]
-    fn quartiles_lie_between_values() {
+    fn quartiles_are_interpolated() {
         let of = |values: &[f64]| {
             let q = Quartiles::of(values);
             [q.low, q.median, q.high]
@@ -131,7 +136,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moving_mean_forgets_and_waits_until_it_is_full() {
+    fn moving_mean_needs_a_full_window() {
         let mut mean = MovingMean::new(2);
         assert_eq!(mean.take([1.0, 0.0, 0.0]), None);
         assert_eq!(mean.take([3.0, 0.0, 2.0]), Some([2.0, 0.0, 1.0]));

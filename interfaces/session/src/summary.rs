@@ -44,25 +44,39 @@ pub struct Targets {
 #[derive(Debug, Clone, Default)]
 pub struct Summary {
     settings: SummarySettings,
+    /// Number of steps.
     pub steps: u64,
+    /// Number of steps that did not converge.
     pub not_converged: u64,
+    /// Number of steps re-solved synchronously.
     pub sync_fallback: u64,
+    /// Number of steps re-solved for missed contacts.
     pub resolved: u64,
+    /// Number of contact visits.
     pub visits: f64,
+    /// Contacts per step.
     pub contacts: Statistics,
+    /// Active contacts per step.
     pub active_contacts: Statistics,
+    /// Interface contacts per step.
     pub interface_contacts: Statistics,
+    /// Subdomains per step.
     pub subdomains: Statistics,
+    /// Iterations per step.
     pub iterations: Statistics,
     /// Largest of LMGC90's norms.
     pub residual: Statistics,
+    /// Natural map residual of the steps.
     pub natural_map: Statistics,
+    /// Mean penetration of the steps, m.
     pub mean_penetration: Statistics,
+    /// Largest penetration of the steps, m.
     pub max_penetration: Statistics,
     /// Energy of the steps in which contacts released more than they dissipated, J.
     pub spurious_contact_energy: f64,
     /// Touching neighbours per grain at the first step, at the minimum and at the last step.
     pub coordination: Option<[TimedValue; 3]>,
+    /// Tines and sleepers.
     pub bodies: Vec<BodySummary>,
     /// First and last observation of each zone.
     pub compactness: Vec<[f64; 2]>,

@@ -1,38 +1,38 @@
-//! Aligned text: sections of labels and figures for the final summary.
+//! Tables of text with aligned columns.
 
 use std::fmt::Write;
 use std::time::Duration;
 
-/// A table under a title; the first column is left-aligned, the others right-aligned.
+/// Table with a title; the first column is left-aligned, the others right-aligned.
 #[derive(Debug, Clone, Default)]
 pub struct TextTable {
     rows: Vec<Vec<String>>,
 }
 
 impl TextTable {
-    /// A table whose header line is `header`; its first word is the title.
+    /// Creates a table with a header line, which starts with the title.
     pub fn new<S: Into<String>>(title: &str, header: impl IntoIterator<Item = S>) -> Self {
         let mut first = vec![title.to_string()];
         first.extend(header.into_iter().map(Into::into));
         Self { rows: vec![first] }
     }
 
-    /// Appends a line.
+    /// Appends a row.
     pub fn row<S: Into<String>>(&mut self, cells: impl IntoIterator<Item = S>) {
         self.rows.push(cells.into_iter().map(Into::into).collect());
     }
 
-    /// Whether there is nothing below the header.
+    /// Returns true if there are no rows below the header.
     pub fn is_empty(&self) -> bool {
         self.rows.len() < 2
     }
 
-    /// Header and lines.
+    /// Header and rows.
     pub fn rows(&self) -> &[Vec<String>] {
         &self.rows
     }
 
-    /// The table as lines, each ended; empty if there is nothing below the header.
+    /// Returns the table as lines; empty without rows.
     pub fn text(&self) -> String {
         if self.is_empty() {
             return String::new();
@@ -58,17 +58,17 @@ impl TextTable {
     }
 }
 
-/// How many threads, in words.
+/// Returns the number of threads as text.
 pub fn on_threads(threads: usize) -> String {
     format!("{threads} {}", if threads == 1 { "thread" } else { "threads" })
 }
 
-/// A number with `digits` significant digits, as people write it.
+/// Formats a number with `digits` significant digits.
 pub fn figure(value: f64, digits: usize) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
-    // That of the rounded number: 9.996 is 10.0.
+    // Exponent of the rounded number: 9.996 is 10.0.
     let rounded = format!("{value:.*e}", digits.saturating_sub(1));
     let exponent: i32 = rounded.rsplit('e').next().and_then(|e| e.parse().ok()).unwrap_or(0);
     if !(-4..7).contains(&exponent) {
@@ -78,7 +78,7 @@ pub fn figure(value: f64, digits: usize) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A duration for people: `0.8 s`, `42 s`, `3 min 20 s`, `2 h 05 min`.
+/// Formats a duration: `0.8 s`, `42 s`, `3 min 20 s`, `2 h 05 min`.
 pub fn duration(time: Duration) -> String {
     let seconds = time.as_secs();
     match seconds {
@@ -94,7 +94,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn columns_align_also_with_letters_of_two_bytes() {
+    fn columns_align_with_letters_of_two_bytes() {
         let mut table = TextTable::new("zone", ["φ", "after"]);
         table.row(["under the sleeper", "0.5812", "0.61"]);
         table.row(["crib", "0.5", "0.4"]);
@@ -121,7 +121,7 @@ mod tests {
     }
 
     #[test]
-    fn durations_are_read_by_people() {
+    fn durations_have_units() {
         let text = |s: f64| duration(Duration::from_secs_f64(s));
         assert_eq!(text(0.84), "0.8 s");
         assert_eq!(text(42.9), "42 s");

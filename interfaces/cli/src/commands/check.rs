@@ -1,4 +1,4 @@
-//! `ballast check CASE`: what a case asks for, or everything that is wrong with it.
+//! `ballast check CASE`: summary of a case, or everything that is wrong with it.
 
 use crate::args::CheckArgs;
 use crate::case::{self, CaseOverrides};
@@ -51,7 +51,7 @@ fn text(plan: &Plan) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
-/// What the machine does, and when.
+/// Returns the phases of the tamping cycle with their times.
 fn cycle(plan: &TampingPlan) -> Vec<(&'static str, String)> {
     let mm = |metres: f64| format!("{} mm", plain(1e3 * metres));
     let limit = |force: f64| match force.is_finite() {
@@ -68,7 +68,7 @@ fn cycle(plan: &TampingPlan) -> Vec<(&'static str, String)> {
     ];
     let ends = plan.ends();
     let starts = [plan.start].into_iter().chain(ends);
-    // The first phase is that before the cycle.
+    // The first phase precedes the cycle.
     let phases = TampingPhase::ALL[1..].iter().map(|phase| phase.name());
     let mut lines: Vec<_> = (phases.zip(starts.zip(ends)).zip(details))
         .map(|((name, (from, to)), detail)| {
@@ -91,12 +91,12 @@ fn seconds(ns: u64) -> String {
     format!("{} s", plain(ns as f64 * 1e-9))
 }
 
-/// Without what rounding has left behind the sixth decimal.
+/// Rounds to six decimals.
 fn plain(value: f64) -> f64 {
     (1e6 * value).round() / 1e6
 }
 
-/// To two significant digits: what is an estimate should look like one.
+/// Rounds an estimate to two significant digits.
 fn rounded(count: f64) -> u64 {
     let unit = 10f64.powf((count.log10() - 1.0).floor());
     ((count / unit).round() * unit) as u64

@@ -1,6 +1,6 @@
-//! `ballast export RESULTS --out DIR`: tables and shapes that need no HDF5.
+//! `ballast export RESULTS --out DIR`: tables and shapes for other programs.
 
-use super::given::Expected;
+use super::expected_file::ExpectedFile;
 use crate::args::ExportArgs;
 use crate::console::Console;
 use crate::files::RunFiles;
@@ -9,12 +9,12 @@ use ballast_session::Result;
 use serde_json::json;
 
 pub fn export(args: ExportArgs, console: Console) -> Result {
-    let results = Expected::Results.file(&args.results)?;
+    let results = ExpectedFile::Results.find(&args.results)?;
     let run = RunFiles::beside(&results);
     let files = ballast_hdf5::export::export(&results, &args.out);
     let files = files.map_err(|e| match e {
         Error::Io { .. } => e.into(),
-        _ => run.unread(e.into()),
+        _ => run.explain_read_failure(e.into()),
     })?;
     let count = files.len();
     console.result(&format!("{count} files written to {}", args.out.display()));

@@ -1,10 +1,10 @@
-//! The commands, one per file.
+//! Commands of the program, one per file.
 
 pub mod bench;
 pub mod check;
 pub mod completions;
+mod expected_file;
 pub mod export;
-mod given;
 pub mod inspect;
 pub mod prepare;
 pub mod replay;

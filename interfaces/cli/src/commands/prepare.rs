@@ -1,4 +1,4 @@
-//! `ballast prepare CASE`: the bed alone, kept for runs.
+//! `ballast prepare CASE`: preparation of a bed.
 
 use crate::args::PrepareArgs;
 use crate::case::{self, CaseOverrides};

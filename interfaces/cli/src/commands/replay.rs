@@ -1,13 +1,13 @@
-//! `ballast replay FILE`: the case's bed, moved by a recording.
+//! `ballast replay FILE`: run of a case whose bodies follow a recording.
 
 use crate::args::{ReplayArgs, TimeName};
 use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
 use crate::engine::Engine;
-use crate::files::{RunFiles, expect_apart};
+use crate::files::{RunFiles, expect_different};
 use crate::playback::Playback;
 use crate::session::{self, Session};
-use crate::{beds, interrupt, machine, room, start};
+use crate::{beds, body_overlap, interrupt, machine, start};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::track::TampingCycle;
@@ -18,15 +18,15 @@ use std::path::Path;
 
 pub fn replay(args: ReplayArgs, console: Console) -> Result {
     interrupt::install()?;
-    expect_apart(&[("the recording", Some(&args.file)), ("--record", args.record.as_deref())])?;
-    // Read before the bed is prepared: a wrong file is to be told at once.
+    expect_different(&[("the recording", Some(&args.file)), ("--record", args.record.as_deref())])?;
+    // Before the bed is prepared, so that a wrong file is reported at once.
     let is_ours = recording::is_ours(&args.file)?;
     let ours = is_ours.then(|| Windows::open(&args.file)).transpose()?;
     let (windows, posed) = if args.map.is_empty() { (ours, None) } else { (None, ours) };
     if windows.is_some() && (args.allow_jump || args.time.is_some()) {
         let text = format!(
-            "{}: --time and --allow-jump are for poses; this recording holds the windows of a run (--map TOPIC=BODY \
-             takes its poses instead)",
+            "{}: --time and --allow-jump apply to poses; this recording contains the windows of a run (use its poses \
+             with --map TOPIC=BODY)",
             args.file.display()
         );
         return Err(Failure::Usage(text));
@@ -37,52 +37,52 @@ pub fn replay(args: ReplayArgs, console: Console) -> Result {
         (None, _, Some(given)) => case::load(given, &choices, &console)?,
         (None, Some(posed), None) => case::recorded(posed, None, choices, &console)?,
         (None, None, None) => {
-            let text = "--case: expected the case whose bodies the poses move, found none";
+            let text = "--case: expected the case with the bodies, found none";
             return Err(Failure::Usage(format!("{}: {text}", args.file.display())));
         }
     };
     let folder = format!("{}-replay", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
-    let files = RunFiles::begun_in(folder)?;
+    let files = RunFiles::create_in(folder)?;
     if !args.force {
         files.refuse_unfinished("choose another folder with --out, or replace it with --force")?;
         files.refuse_another(&case.text)?;
         files.refuse_run()?;
     }
     files.refuse_own(&args.file)?;
-    files.may_record(args.record.as_deref())?;
+    files.check_recording(args.record.as_deref())?;
     let source = match windows {
-        Some(windows) => Source::Windows(Box::new(windows)),
-        None => Source::Poses(poses(&args, &case, posed.is_some(), console)?),
+        Some(windows) => ReplaySource::Windows(Box::new(windows)),
+        None => ReplaySource::Poses(poses(&args, &case, posed.is_some(), console)?),
     };
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
-    // Of the case's own beginning, wherever the recording begins.
+    // Cycle at the beginning of the case, wherever the recording starts.
     let cycle = machine::cycle(&case, &model, &state)?;
     let (model, state, playback) = match source {
-        Source::Windows(windows) => {
+        ReplaySource::Windows(windows) => {
             let (model, state) = start::of(&windows, &case, model, state)?;
             let playback = own(*windows, &model, &state, console);
             (model, state, playback)
         }
-        Source::Poses(motion) => {
+        ReplaySource::Poses(motion) => {
             let playback = Playback::of_motion(&args.file, motion, args.allow_jump);
             (model, state, playback)
         }
     };
     // Before an earlier replay is removed.
-    let engine = moved(&args, &case, (model, state), cycle, playback)?;
+    let engine = engine(&args, &case, (model, state), cycle, playback)?;
     let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
     session.run(args.stop.steps, args.stop.expect_hash)
 }
 
-/// What moves the bodies.
-enum Source {
+/// Source of the motions.
+enum ReplaySource {
     Windows(Box<Windows>),
     Poses(Motion),
 }
 
-/// The scene moved by a recording, which leads through a step at least where one is asked for.
-fn moved(
+/// Creates the engine, and checks that the recording covers the first step if one is requested.
+fn engine(
     args: &ReplayArgs,
     case: &Case,
     (model, state): (Model, State),
@@ -101,14 +101,14 @@ fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Play
     let found = format!("{:032x}", ballast_hdf5::state_hash(model, state));
     if windows.meta().initial_hash.to_string() != found {
         console.note(
-            "the recording is of another case, bed or solver: its motions are replayed, its results will \
+            "the recording belongs to another case, bed or solver: its motions are replayed, results will \
              differ",
         );
     }
     Playback::of_windows(windows)
 }
 
-/// Poses in recordings of ours are where bodies were; what a replay moves is what holds them.
+/// Warns if poses of mounted bodies are replayed: they include the deflection of the mounts.
 fn warn_of_mounts(args: &ReplayArgs, model: &Model, console: Console) {
     let yields =
         |name: &String| model.driven.iter().any(|body| body.name == *name && body.mount.is_some());
@@ -121,15 +121,15 @@ fn warn_of_mounts(args: &ReplayArgs, model: &Model, console: Console) {
         .collect();
     if !bent.is_empty() {
         console.warning(&format!(
-            "{}: its poses are where {} had yielded to; the replay leads what holds them there, and they yield again \
-             (--map left out replays the motion of what held them)",
+            "{}: expected prescribed motions, found poses of {} that include the deflection of their mounts; omit \
+             --map to replay the motions of the mounts",
             args.file.display(),
             bent.join(", ")
         ));
     }
 }
 
-/// The motions of a recording of poses. What no stone decides is told before a bed is poured, which may take an hour.
+/// Reads the motions of a recording of poses; reports errors that do not depend on the bed before its preparation.
 fn poses(args: &ReplayArgs, case: &Case, of_ours: bool, console: Console) -> Result<Motion> {
     let (model, state) = ballast_beds::empty_scene(&case.plan)?;
     if of_ours {
@@ -144,12 +144,12 @@ fn poses(args: &ReplayArgs, case: &Case, of_ours: bool, console: Console) -> Res
     for note in &motion.notes {
         console.note(note);
     }
-    let lack = room::lack(&model, &state, &motion.inputs, motion.end_ns);
-    for warning in motion.warnings.iter().chain(&lack) {
+    let overlap = body_overlap::overlap_warning(&model, &state, &motion.inputs, motion.end_ns);
+    for warning in motion.warnings.iter().chain(&overlap) {
         console.warning(&format!("{}: {warning}", args.file.display()));
     }
     let playback = Playback::of_motion(&args.file, motion.clone(), args.allow_jump);
     let cycle = machine::cycle(case, &model, &state)?;
-    moved(args, case, (model, state), cycle, playback)?;
+    engine(args, case, (model, state), cycle, playback)?;
     Ok(motion)
 }

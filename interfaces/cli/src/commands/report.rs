@@ -2,7 +2,7 @@
 
 use crate::args::ReportArgs;
 use crate::console::Console;
-use crate::files::{PAGE_START, begins_with, may_replace, replace_text};
+use crate::files::{PAGE_START, begins_with, check_replaceable, replace_text};
 use ballast_report::{self as report, ReportSource};
 use ballast_session::{Failure, Result};
 use serde_json::json;
@@ -10,9 +10,9 @@ use serde_json::json;
 pub fn report(args: ReportArgs, console: Console) -> Result {
     let files = report::run_files(&args.run)?;
     let path = args.out.unwrap_or_else(|| files.report());
-    may_replace(&path, "a page", || begins_with(&path, PAGE_START.as_bytes()))
+    check_replaceable(&path, "a page", || begins_with(&path, PAGE_START.as_bytes()))
         .map_err(|e| Failure::at(&path, e))?;
-    let source = ReportSource::open(&files, &console).map_err(|e| files.unread(e))?;
+    let source = ReportSource::open(&files, &console).map_err(|e| files.explain_read_failure(e))?;
     let html = report::page(&source)?.html();
     replace_text(&path, &html)?;
     console.event("report", json!({ "path": path, "bytes": html.len() }));

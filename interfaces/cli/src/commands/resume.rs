@@ -1,6 +1,6 @@
 //! `ballast resume CHECKPOINT`: continues an interrupted run.
 
-use super::given::Expected;
+use super::expected_file::ExpectedFile;
 use crate::args::ResumeArgs;
 use crate::console::Console;
 use crate::interrupt;
@@ -9,7 +9,7 @@ use ballast_session::Result;
 
 pub fn resume(args: ResumeArgs, console: Console) -> Result {
     interrupt::install()?;
-    let checkpoint = Expected::Checkpoint.file(&args.checkpoint)?;
+    let checkpoint = ExpectedFile::Checkpoint.find(&args.checkpoint)?;
     let session = Session::resume(&checkpoint, args.stop.steps, console)?;
     session.run(args.stop.steps, args.stop.expect_hash)
 }

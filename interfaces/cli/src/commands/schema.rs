@@ -1,4 +1,4 @@
-//! `ballast schema`: the JSON Schema of case files, for editors; or of what is said over a network, for partners.
+//! `ballast schema`: JSON Schema of case files, or of the network protocol.
 
 use crate::console::Console;
 use ballast_session::{Failure, Result};
@@ -10,7 +10,7 @@ pub fn schema(protocol: bool, console: Console) -> Result {
         false => ballast_scenario::schema(),
     };
     let text = serde_json::to_string_pretty(&schema)
-        .map_err(|e| Failure::Failed(format!("the schema cannot be written as JSON: {e}")))?;
+        .map_err(|e| Failure::Failed(format!("cannot write the schema as JSON: {e}")))?;
     console.event("schema", json!({ "schema": schema }));
     console.result(&text);
     Ok(())

@@ -1,11 +1,13 @@
-//! `ballast solve FILE`: solves published friction-contact problems and measures the errors.
+//! `ballast solve FILE`: solution of friction-contact problems with their errors.
 //!
-//! Time is that of the solution: reading a file and making `W` out of bodies is outside the clock.
+//! The measured time is that of the solution, without reading the file and assembling `W`.
 
-use super::solve_table::{Row, csv, performance_profile, profile_csv, profile_page, report, table};
+use super::solve_table::{
+    SolveRow, csv, performance_profile, profile_csv, profile_page, report, table,
+};
 use crate::args::SolveArgs;
 use crate::console::Console;
-use crate::files::{expect_apart, may_replace, replace_text};
+use crate::files::{check_replaceable, expect_different, replace_text};
 use crate::profile::cpu_time;
 use ballast::nlgs::solution::{self, SolutionSettings};
 use ballast_hdf5::fclib;
@@ -13,8 +15,8 @@ use ballast_session::{Failure, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// What a folder of problems is solved to.
-const TOLERANCES: [f64; 3] = [1e-4, 1e-6, 1e-8];
+/// Default tolerances for a folder of problems.
+const FOLDER_TOLERANCES: [f64; 3] = [1e-4, 1e-6, 1e-8];
 
 pub fn solve(args: SolveArgs, console: Console) -> Result {
     if let Some(tolerance) = args.tolerance.filter(|t| !(*t > 0.0 && t.is_finite())) {
@@ -22,38 +24,41 @@ pub fn solve(args: SolveArgs, console: Console) -> Result {
     }
     let folder = args.file.is_dir();
     if args.write_solution.is_some() && (folder || args.method.len() > 1) {
-        return Err(Failure::Usage("--write-solution needs one problem and one method".into()));
+        return Err(Failure::Usage(
+            "--write-solution: expected one problem and one method, found several".into(),
+        ));
     }
     let tables = [("--csv", args.csv.as_deref()), ("--profile", args.profile.as_deref())];
-    // A problem may take its own solution in.
+    // The solution may be written into the problem itself.
     for other in
         [("the problem", Some(&*args.file)), ("--write-solution", args.write_solution.as_deref())]
     {
-        expect_apart(&[[other].as_slice(), &tables].concat())?;
+        expect_different(&[[other].as_slice(), &tables].concat())?;
     }
     if let Some(path) = &args.write_solution {
-        may_replace(path, "a problem", || fclib::read(path).is_ok())
+        check_replaceable(path, "a problem", || fclib::read(path).is_ok())
             .map_err(|e| Failure::at(path, e))?;
     }
     let single = [args.tolerance.unwrap_or(1e-6)];
-    let tolerances = if folder && args.tolerance.is_none() { &TOLERANCES[..] } else { &single };
+    let tolerances =
+        if folder && args.tolerance.is_none() { &FOLDER_TOLERANCES[..] } else { &single };
     let files = if folder { problems_in(&args.file)? } else { vec![args.file.clone()] };
     let mut rows = Vec::new();
-    let mut unread = 0;
+    let mut unreadable = 0;
     for file in &files {
-        let problem = name_among(file, &files);
+        let problem = problem_name(file, &files);
         match solve_file(file, &problem, tolerances, &args, console) {
             Ok(of_file) => rows.extend(of_file),
             Err(failure) if folder => {
-                unread += 1;
+                unreadable += 1;
                 console.warning(&failure.to_string());
             }
             Err(failure) => return Err(failure),
         }
     }
     finish(&args, &rows, console)?;
-    if unread > 0 {
-        let message = format!("{unread} of {} files could not be read", files.len());
+    if unreadable > 0 {
+        let message = format!("{unreadable} of {} files could not be read", files.len());
         return Err(Failure::at(&args.file, message));
     }
     match rows.iter().find(|row| !folder && !row.solution.converged) {
@@ -61,19 +66,19 @@ pub fn solve(args: SolveArgs, console: Console) -> Result {
         Some(row) => Err(Failure::at(
             &args.file,
             format!(
-                "not solved: error {:.2e} after {} sweeps, {:e} was asked for",
-                row.solution.errors.abh, row.solution.sweeps, row.tolerance
+                "not solved: expected an error of {:e}, found {:.2e} after {} sweeps",
+                row.tolerance, row.solution.errors.abh, row.solution.sweeps
             ),
         )),
     }
 }
 
-/// Whether a profile is wanted as curves; as CSV otherwise.
+/// Returns true if the path of a profile is that of a page.
 fn is_page(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "html")
 }
 
-/// The HDF5 files of a folder, by name.
+/// Returns the HDF5 files of a folder, sorted by name.
 fn problems_in(folder: &Path) -> Result<Vec<PathBuf>> {
     let entries = std::fs::read_dir(folder).map_err(|e| Failure::at(folder, e))?;
     let mut files = Vec::new();
@@ -85,13 +90,13 @@ fn problems_in(folder: &Path) -> Result<Vec<PathBuf>> {
     }
     files.sort();
     if files.is_empty() {
-        return Err(Failure::at(folder, "no problem (.hdf5 or .h5) in this folder"));
+        return Err(Failure::at(folder, "expected problems (.hdf5 or .h5), found none"));
     }
     Ok(files)
 }
 
-/// What tables call a problem: its file without the extension, unless another one is called so.
-fn name_among(file: &Path, files: &[PathBuf]) -> String {
+/// Returns the name of a problem in tables: its file without the extension, unless that is ambiguous.
+fn problem_name(file: &Path, files: &[PathBuf]) -> String {
     let is_alone = files.iter().filter(|other| other.file_stem() == file.file_stem()).count() == 1;
     let name = if is_alone { file.file_stem() } else { file.file_name() };
     name.unwrap_or_default().to_string_lossy().into_owned()
@@ -104,7 +109,7 @@ fn solve_file(
     tolerances: &[f64],
     args: &SolveArgs,
     console: Console,
-) -> Result<Vec<Row>> {
+) -> Result<Vec<SolveRow>> {
     let problem = fclib::read(file)?;
     let mut rows = Vec::new();
     for &tolerance in tolerances {
@@ -117,9 +122,14 @@ fn solve_file(
             if let Some(out) = &args.write_solution {
                 fclib::write_solution(file, out, &problem, &solution.impulse)?;
             }
-            let (problem, contacts) = (name.to_string(), problem.local.contact_count());
-            let row =
-                Row { problem, contacts, method: method.name(), tolerance, solution, seconds };
+            let row = SolveRow {
+                problem: name.to_string(),
+                contacts: problem.local.contact_count(),
+                method: method.name(),
+                tolerance,
+                solution,
+                seconds,
+            };
             console.event("solution", row.json());
             rows.push(row);
         }
@@ -127,8 +137,8 @@ fn solve_file(
     Ok(rows)
 }
 
-/// Says what came out, and writes the tables that were asked for.
-fn finish(args: &SolveArgs, rows: &[Row], console: Console) -> Result {
+/// Prints the solutions and writes the requested tables.
+fn finish(args: &SolveArgs, rows: &[SolveRow], console: Console) -> Result {
     match rows {
         [row] if !args.file.is_dir() => console.result(&report(row)),
         _ => console.result(&table(rows)),
@@ -152,8 +162,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn problems_of_one_stem_are_called_by_their_files() {
+    fn problems_with_equal_stems_have_their_extension() {
         let files = ["d/a.h5", "d/a.hdf5", "d/b.h5"].map(PathBuf::from);
-        assert_eq!(files.each_ref().map(|f| name_among(f, &files)), ["a.h5", "a.hdf5", "b"]);
+        assert_eq!(files.each_ref().map(|f| problem_name(f, &files)), ["a.h5", "a.hdf5", "b"]);
     }
 }

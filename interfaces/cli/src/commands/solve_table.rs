@@ -1,26 +1,27 @@
-//! What solving problems gave, as text and tables.
+//! Solutions of problems as text, tables and performance profile.
 
+use crate::files::csv_text;
 use crate::table::{TextTable, figure};
 use ballast::nlgs::solution::Solution;
 use ballast_report::plot::{Chart, HtmlPage, SeriesStyle};
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// One problem, solved to one tolerance with one method.
+/// Solution of one problem to one tolerance with one method.
 #[derive(Debug, Clone)]
-pub struct Row {
+pub struct SolveRow {
     pub problem: String,
     pub contacts: usize,
     pub method: String,
-    /// Of the error ‖F‖/‖q‖.
+    /// Tolerance of the error ‖F‖/‖q‖.
     pub tolerance: f64,
     pub solution: Solution,
     /// CPU time of the solution, s.
     pub seconds: f64,
 }
 
-impl Row {
-    /// The row as the fields of an event.
+impl SolveRow {
+    /// Returns the row as the fields of an event.
     pub fn json(&self) -> Value {
         let errors = &self.solution.errors;
         json!({
@@ -40,19 +41,19 @@ impl Row {
     }
 }
 
-/// Everything about one solution.
-pub fn report(row: &Row) -> String {
+/// Returns all figures of one solution as text.
+pub fn report(row: &SolveRow) -> String {
     let Solution { errors, sweeps, newton_steps, converged, .. } = &row.solution;
-    let said = if *converged { "solved" } else { "NOT solved" };
-    let mut text = format!("{}: {} contacts, {said}\n", row.problem, row.contacts);
+    let outcome = if *converged { "solved" } else { "NOT solved" };
+    let mut text = format!("{}: {} contacts, {outcome}\n", row.problem, row.contacts);
     let mut line = |label: &str, value: String, note: &str| {
         let _ = writeln!(text, "  {}", format!("{label:<14}{value:>10}  {note}").trim_end());
     };
     line("sweeps", sweeps.to_string(), &format!("method {}", row.method));
     line("Newton steps", newton_steps.to_string(), "");
     line("CPU time", figure(row.seconds, 3), "s");
-    let asked = format!("‖F‖/‖q‖ (Acary, Brémond, Huber); asked for: {:e}", row.tolerance);
-    line("error ABH", exponent(errors.abh), &asked);
+    let note = format!("‖F‖/‖q‖ (Acary, Brémond, Huber); tolerance {:e}", row.tolerance);
+    line("error ABH", exponent(errors.abh), &note);
     line("error Siconos", exponent(errors.siconos), "‖F‖/max(‖q‖, ‖r‖, ‖u‖)");
     line("error FCLIB", exponent(errors.fclib), "‖F‖/(1 + sqrt ‖q‖)");
     line("unit-free", exponent(errors.unit_free), "‖F‖/‖r‖ with ρ = 3/tr W_cc");
@@ -63,13 +64,13 @@ fn exponent(value: f64) -> String {
     format!("{value:.2e}")
 }
 
-/// One line for each solution, as text.
-pub fn table(rows: &[Row]) -> String {
+/// Returns the table of all solutions as text.
+pub fn table(rows: &[SolveRow]) -> String {
     lines(rows).text().trim_end().to_string()
 }
 
-/// One line for each solution.
-fn lines(rows: &[Row]) -> TextTable {
+/// Returns the table of all solutions.
+fn lines(rows: &[SolveRow]) -> TextTable {
     let header = [
         "contacts",
         "method",
@@ -104,88 +105,98 @@ fn lines(rows: &[Row]) -> TextTable {
     table
 }
 
-/// The table for programs.
-pub fn csv(rows: &[Row]) -> String {
-    let mut text = String::from(
-        "problem,contacts,method,tolerance,solved,sweeps,newton_steps,cpu_s,abh,siconos,fclib,unit_free\n",
-    );
-    for row in rows {
-        let Solution { errors: e, converged, sweeps, newton_steps, .. } = &row.solution;
-        // A name with a comma would shift the columns.
-        let problem = row.problem.replace(['"', ',', '\n'], "_");
-        let _ = writeln!(
-            text,
-            "{problem},{},{},{:e},{converged},{sweeps},{newton_steps},{:.6},{:e},{:e},{:e},{:e}",
-            row.contacts,
-            row.method,
-            row.tolerance,
-            row.seconds,
-            e.abh,
-            e.siconos,
-            e.fclib,
-            e.unit_free
-        );
-    }
-    text
+/// Returns the table of all solutions as CSV.
+pub fn csv(rows: &[SolveRow]) -> String {
+    let columns = [
+        "problem",
+        "contacts",
+        "method",
+        "tolerance",
+        "solved",
+        "sweeps",
+        "newton_steps",
+        "cpu_s",
+        "abh",
+        "siconos",
+        "fclib",
+        "unit_free",
+    ];
+    let cells = |row: &SolveRow| {
+        let Solution { errors, converged, sweeps, newton_steps, .. } = &row.solution;
+        [
+            row.problem.clone(),
+            row.contacts.to_string(),
+            row.method.clone(),
+            format!("{:e}", row.tolerance),
+            converged.to_string(),
+            sweeps.to_string(),
+            newton_steps.to_string(),
+            format!("{:.6}", row.seconds),
+            format!("{:e}", errors.abh),
+            format!("{:e}", errors.siconos),
+            format!("{:e}", errors.fclib),
+            format!("{:e}", errors.unit_free),
+        ]
+    };
+    csv_text(&columns, rows.iter().map(cells))
 }
 
-/// One line of a performance profile after Dolan and Moré.
+/// Curve of a performance profile after Dolan and Moré.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Profile {
+pub struct PerformanceProfile {
     pub tolerance: f64,
     pub method: String,
-    /// Factor over the CPU time of the fastest method, and the share of problems solved within it, rising; none of a
-    /// method that solves nothing.
+    /// Factors over the CPU time of the fastest method, ascending, each with the fraction of problems solved within it.
     pub points: Vec<[f64; 2]>,
 }
 
-/// For each tolerance and method, the share of problems that the method solves within `factor` times the CPU
-/// time of the fastest method.
-pub fn performance_profile(rows: &[Row]) -> Vec<Profile> {
+/// Returns the performance profile of each method at each tolerance.
+pub fn performance_profile(rows: &[SolveRow]) -> Vec<PerformanceProfile> {
     let mut profiles = Vec::new();
     for tolerance in distinct(rows.iter().map(|r| r.tolerance)) {
-        let of_tolerance: Vec<&Row> = rows.iter().filter(|r| r.tolerance == tolerance).collect();
+        let of_tolerance: Vec<&SolveRow> =
+            rows.iter().filter(|r| r.tolerance == tolerance).collect();
         let problems = distinct(of_tolerance.iter().map(|r| r.problem.as_str()));
         for method in distinct(of_tolerance.iter().map(|r| r.method.as_str())) {
             let mut factors: Vec<f64> = (problems.iter())
                 .filter_map(|&problem| factor(&of_tolerance, problem, method))
                 .collect();
             factors.sort_by(f64::total_cmp);
-            let share = |k: usize| (k + 1) as f64 / problems.len() as f64;
-            let points = factors.iter().enumerate().map(|(k, f)| [*f, share(k)]).collect();
-            profiles.push(Profile { tolerance, method: method.into(), points });
+            let fraction = |k: usize| (k + 1) as f64 / problems.len() as f64;
+            let points = factors.iter().enumerate().map(|(k, f)| [*f, fraction(k)]).collect();
+            profiles.push(PerformanceProfile { tolerance, method: method.into(), points });
         }
     }
     profiles
 }
 
-/// The profile for programs.
-pub fn profile_csv(profiles: &[Profile]) -> String {
-    let mut text = String::from("tolerance,method,factor,share\n");
-    for Profile { tolerance, method, points } in profiles {
-        let of_nothing = points.is_empty().then_some([1.0, 0.0]);
-        for [factor, share] in points.iter().copied().chain(of_nothing) {
-            let _ = writeln!(text, "{tolerance:e},{method},{factor:.4},{share:.4}");
-        }
-    }
-    text
+/// Returns performance profiles as CSV.
+pub fn profile_csv(profiles: &[PerformanceProfile]) -> String {
+    let rows = profiles.iter().flat_map(|PerformanceProfile { tolerance, method, points }| {
+        let without_points = points.is_empty().then_some([1.0, 0.0]);
+        points.iter().copied().chain(without_points).map(move |[factor, fraction]| {
+            let tolerance = format!("{tolerance:e}");
+            [tolerance, method.clone(), format!("{factor:.4}"), format!("{fraction:.4}")]
+        })
+    });
+    csv_text(&["tolerance", "method", "factor", "fraction"], rows)
 }
 
-/// The profile as curves, with the table it is made of.
-pub fn profile_page(profiles: &[Profile], rows: &[Row]) -> String {
+/// Returns performance profiles as a page with curves and the table of all solutions.
+pub fn profile_page(profiles: &[PerformanceProfile], rows: &[SolveRow]) -> String {
     let mut page = HtmlPage::new("Friction-contact problems: performance profile");
     page.text(
-        "The share of problems that a method solves within a factor of the CPU time of the fastest one (Dolan and \
+        "Fraction of problems that a method solves within a factor of the CPU time of the fastest one (Dolan and \
          Moré 2002). A curve that ends below 1 belongs to a method that does not solve all of them.",
     );
     let longest = profiles.iter().flat_map(|p| &p.points).map(|p| p[0]).fold(10.0, f64::max);
     for tolerance in distinct(profiles.iter().map(|p| p.tolerance)) {
         let title = format!("Solved to ‖F‖/‖q‖ <= {tolerance:e}");
-        let (x, y) = ("factor over the fastest method", "share of the problems");
+        let (x, y) = ("factor over the fastest method", "fraction of the problems");
         let mut chart = Chart::new(&title, x, y).log_x().starting_at_zero();
         for profile in profiles.iter().filter(|p| p.tolerance == tolerance) {
             let mut points = profile.points.clone();
-            // Beyond its last problem a method solves no more.
+            // The curve is constant beyond the last solved problem.
             points.extend(profile.points.last().map(|last| [longest, last[1]]));
             chart = chart.with(&profile.method, points, SeriesStyle::Steps);
         }
@@ -195,17 +206,17 @@ pub fn profile_page(profiles: &[Profile], rows: &[Row]) -> String {
     page.html()
 }
 
-/// How many times longer than the fastest `method` takes; none where it does not solve the problem.
-fn factor(rows: &[&Row], problem: &str, method: &str) -> Option<f64> {
+/// Returns the time of `method` over the shortest time; `None` if it does not solve the problem.
+fn factor(rows: &[&SolveRow], problem: &str, method: &str) -> Option<f64> {
     let solved = || rows.iter().filter(|r| r.problem == problem && r.solution.converged);
-    // Below a microsecond the clock says nothing.
-    let seconds = |r: &&Row| r.seconds.max(1e-6);
+    // Resolution of the clock.
+    let seconds = |r: &&SolveRow| r.seconds.max(1e-6);
     let own = solved().find(|r| r.method == method).map(seconds)?;
     let best = solved().map(seconds).fold(own, f64::min);
     Some(own / best)
 }
 
-/// The values in the order in which they first come.
+/// Returns the distinct values in the order of their first occurrence.
 fn distinct<T: PartialEq>(values: impl Iterator<Item = T>) -> Vec<T> {
     let mut out = Vec::new();
     for value in values {
@@ -221,22 +232,22 @@ mod tests {
     use super::*;
     use ballast::nlgs::assembled_problem::NaturalMapErrors;
 
-    fn row(problem: &str, method: &str, seconds: f64, converged: bool) -> Row {
+    fn row(problem: &str, method: &str, seconds: f64, converged: bool) -> SolveRow {
         let errors = NaturalMapErrors { abh: 5e-7, siconos: 4e-7, fclib: 3e-7, unit_free: 2e-7 };
         let solution = Solution { impulse: vec![], errors, converged, sweeps: 12, newton_steps: 3 };
         let (problem, method) = (problem.to_string(), method.to_string());
-        Row { problem, contacts: 7, method, tolerance: 1e-6, solution, seconds }
+        SolveRow { problem, contacts: 7, method, tolerance: 1e-6, solution, seconds }
     }
 
     #[test]
-    fn a_method_that_solves_nothing_stands_in_the_profile() {
+    fn method_without_solutions_is_in_the_profile() {
         let rows = [row("a", "nlgs", 3.0, false), row("a", "auto", 1.0, true)];
         let csv = profile_csv(&performance_profile(&rows));
         assert_eq!(csv.lines().nth(1), Some("1e-6,nlgs,1.0000,0.0000"), "{csv}");
     }
 
     #[test]
-    fn the_profile_counts_the_problems_solved_within_a_factor() {
+    fn profile_counts_problems_solved_within_a_factor() {
         let rows = [
             row("a", "nlgs", 3.0, true),
             row("a", "auto", 1.0, true),
@@ -246,7 +257,7 @@ mod tests {
         let profiles = performance_profile(&rows);
         assert_eq!(
             profile_csv(&profiles),
-            "tolerance,method,factor,share\n\
+            "tolerance,method,factor,fraction\n\
              1e-6,nlgs,3.0000,0.5000\n\
              1e-6,auto,1.0000,0.5000\n\
              1e-6,auto,1.0000,1.0000\n"
@@ -264,12 +275,12 @@ mod tests {
     }
 
     #[test]
-    fn tables_have_one_line_for_each_solution() {
+    fn tables_have_one_line_per_solution() {
         let rows = [row("a,b", "auto", 1.0, true), row("c", "auto", 0.5, false)];
         let lines: Vec<String> = csv(&rows).lines().map(str::to_string).collect();
         assert_eq!(lines.len(), 3);
-        assert_eq!(lines[1], "a_b,7,auto,1e-6,true,12,3,1.000000,5e-7,4e-7,3e-7,2e-7");
-        assert!(lines.iter().all(|l| l.matches(',').count() == 11));
+        assert_eq!(lines[1], "\"a,b\",7,auto,1e-6,true,12,3,1.000000,5e-7,4e-7,3e-7,2e-7");
+        assert_eq!([lines[0].matches(',').count(), lines[2].matches(',').count()], [11; 2]);
         let text = table(&rows);
         assert!(text.contains("Siconos") && text.lines().count() == 3, "{text}");
         assert!(report(&rows[1]).contains("NOT solved") && report(&rows[0]).contains("5.00e-7"));

@@ -7,7 +7,7 @@ use crate::files::{RunFiles, create_folder, csv_text, read_case, read_text, repl
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_scenario::MAX_CASE_BYTES;
-use ballast_scenario::sweep::{SweepPoint, SweepPlan, apply_point};
+use ballast_scenario::sweep::{SweepPlan, SweepPoint, apply_point};
 use ballast_session::{Failure, Result};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
@@ -78,8 +78,9 @@ pub fn sweep(args: SweepArgs, console: Console) -> Result {
 
 /// Returns the case of each point; all are checked before the first run.
 fn texts(sweep: &SweepPlan, case: &str, plan: &str) -> Result<Vec<String>> {
-    let text =
-        |(i, point): (usize, &SweepPoint)| apply_point(case, point, &format!("{plan}, point {}", i + 1));
+    let text = |(i, point): (usize, &SweepPoint)| {
+        apply_point(case, point, &format!("{plan}, point {}", i + 1))
+    };
     let texts: Result<_, _> = sweep.points.iter().enumerate().map(text).collect();
     texts.map_err(Failure::InvalidCase)
 }
@@ -139,7 +140,8 @@ impl SweepDirectory {
     fn compute(&self, numbers: &[usize], args: &SweepArgs, console: Console) -> Result<Vec<usize>> {
         let program = std::env::current_exe()
             .map_err(|e| Failure::Failed(format!("cannot find this program: {e}")))?;
-        let open = |n: &usize| RunFiles::in_folder(self.point_folder(*n)).whole_summary().is_none();
+        let open =
+            |n: &usize| RunFiles::in_folder(self.point_folder(*n)).complete_summary().is_none();
         let open: Vec<usize> = numbers.iter().copied().filter(open).collect();
         let done = numbers.len() - open.len();
         if done > 0 {
@@ -164,7 +166,7 @@ impl SweepDirectory {
         let run = |number: usize| {
             let files = RunFiles::in_folder(self.point_folder(number));
             // Another process may have finished it.
-            if files.whole_summary().is_some() {
+            if files.complete_summary().is_some() {
                 return None;
             }
             let mut command = Command::new(&program);
@@ -279,7 +281,7 @@ impl SweepDirectory {
     /// Writes the table of all finished runs: the values of their points, then the figures of their summaries.
     fn table(&self) -> Result {
         // Array jobs may end at the same time.
-        let _claim = RunFiles::in_folder(self.folder.clone()).claimed_in_turn()?;
+        let _lock = RunFiles::in_folder(self.folder.clone()).lock_when_free()?;
         let mut columns = vec!["number".to_string()];
         let mut add = |name: &String| {
             if !columns.contains(name) {
@@ -290,7 +292,7 @@ impl SweepDirectory {
         let mut rows = Vec::new();
         for (number, point) in self.points() {
             let files = RunFiles::in_folder(self.point_folder(number));
-            let Some(summary) = files.whole_summary() else { continue };
+            let Some(summary) = files.complete_summary() else { continue };
             let mut row = vec![("number".to_string(), number.to_string())];
             row.extend(point.iter().map(|(key, value)| (key.clone(), plain(&json_value(value)))));
             figures("", &summary, &mut row);

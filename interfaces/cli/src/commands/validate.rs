@@ -2,7 +2,7 @@
 
 use crate::args::ValidateArgs;
 use crate::console::Console;
-use crate::files::{create_folder, replace_text, writable};
+use crate::files::{check_writable, create_folder, replace_text};
 use crate::interrupt;
 use ballast_session::{Failure, Result};
 use ballast_validation::{self as validate, CheckVerdict, SuiteSize};
@@ -15,7 +15,7 @@ pub fn validate(args: ValidateArgs, console: Console) -> Result {
     validate::check_inputs(&args.only, samples)?;
     create_folder(&args.out)?;
     let (page, data) = (args.out.join("validation.html"), args.out.join("validation.json"));
-    [&page, &data].into_iter().try_for_each(|file| writable(file))?;
+    [&page, &data].into_iter().try_for_each(|file| check_writable(file))?;
     let report = validate::checks(size, &args.only, beds, samples, &console, |report| {
         replace_text(&page, &report.page().html())?;
         replace_text(&data, &format!("{:#}\n", report.json()))

@@ -1,4 +1,4 @@
-//! `ballast verify FILE`: computes a recording again and compares.
+//! `ballast verify FILE`: recomputes a recording and compares.
 
 use crate::args::VerifyArgs;
 use crate::case::{self, Case, CaseOverrides, first_other_line};
@@ -20,8 +20,8 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
     let mut windows = Windows::open(&args.file)?;
     let meta = windows.meta().clone();
     if meta.schedule == Schedule::Asynchronous.name() {
-        let what = "its steps were solved asynchronously, in an order that nobody can repeat; only recordings of the \
-                    sequential and the synchronous schedule can be verified";
+        let what = "expected the sequential or the synchronous schedule, found the asynchronous one, whose order of operations \
+                    cannot be repeated";
         return Err(Failure::at(&args.file, what));
     }
     let case = case::recorded(&windows, args.case.as_deref(), CaseOverrides::default(), &console)?;
@@ -35,7 +35,10 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
     let end_ns = windows.told_end_ns().unwrap_or(case.plan.run.duration_ns);
     let whole = end_ns.saturating_sub(begin_ns).max(1) as f64;
     let mut watch = |now_ns: u64| {
-        progress.advance((now_ns.saturating_sub(begin_ns) as f64 / whole).min(1.0), &At(now_ns));
+        progress.advance(
+            (now_ns.saturating_sub(begin_ns) as f64 / whole).min(1.0),
+            &VerifyLabel(now_ns),
+        );
         interrupt::flow()
     };
     let zones = track::zones(&case.plan);
@@ -48,7 +51,7 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
             match windows.lost() {
                 Some(lost) if !lost.is_cut => {
                     let text =
-                        format!("{file}: {count} windows are equal, then it is damaged: {lost}");
+                        format!("{file}: {count} windows are equal, the rest is damaged: {lost}");
                     return Err(Failure::Failed(text));
                 }
                 Some(lost) => console.warning(&format!("{file}: {lost}")),
@@ -75,7 +78,7 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
     }
 }
 
-/// What may explain a difference.
+/// Returns possible reasons of a difference.
 fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
     let pairs = [
         ("case", meta.case_name.clone(), case.plan.name.clone()),
@@ -94,17 +97,17 @@ fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
         return String::new();
     }
     if differ.is_empty() {
-        let text = "case and program are the recorded ones; the bed may be another one of the same key, of \
-                    another build: `ballast prepare CASE --force` (and the same `--bed-cache`) prepares it again";
+        let text = "case and program are the recorded ones; the bed may come from another build: prepare it again with \
+                    `ballast prepare CASE --force` (and the same `--bed-cache`)";
         differ.push(text.into());
     }
     format!("; {}", differ.join("; "))
 }
 
-/// Where a verification stands.
-struct At(u64);
+/// Label of the time that a verification has reached, ns.
+struct VerifyLabel(u64);
 
-impl Mark for At {
+impl Mark for VerifyLabel {
     fn text(&self) -> String {
         format!("{:.4} s", self.0 as f64 * 1e-9)
     }

@@ -26,7 +26,7 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
     let mut case = case::load(&args.case, &given, &console)?;
     let folder = format!("{}-serve", case.plan.name);
     let folder = args.out.clone().unwrap_or(Path::new("runs").join(folder));
-    let files = RunFiles::begun_in(folder)?;
+    let files = RunFiles::create_in(folder)?;
     args.record.as_deref().map(|path| files.refuse_own(path)).transpose()?;
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
@@ -36,7 +36,7 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
         kept::check_free(&checkpoint, args.force)?;
     }
     let first = args.record.as_deref().map(|path| tape::first_part(path, resumes));
-    files.may_record(first.as_deref())?;
+    files.check_recording(first.as_deref())?;
     // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
     let mut server = Server::open(&args.key, &link)?;
     server.ensure_unique()?;

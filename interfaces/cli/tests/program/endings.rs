@@ -304,5 +304,5 @@ fn results_that_cannot_be_read_while_a_run_writes_them_are_told_as_that() {
     let lock = std::fs::File::options().write(true).open(place.path("run/.lock")).unwrap();
     assert!(!export().contains("a run is writing"));
     lock.lock().unwrap();
-    assert!(export().contains("a run is writing in run: try again when it has ended"));
+    assert!(export().contains("a run is writing in run; try again when it has ended"));
 }

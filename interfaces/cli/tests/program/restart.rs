@@ -194,7 +194,7 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     let results = std::fs::read(place.path("here/results.vtkhdf")).unwrap();
     for refused in [place.run("--out here"), place.with_beds("replay here.mcap --out here")] {
         let said = refused.with_code(2).stderr();
-        assert!(said.contains("a run or a replay that was ended before"), "{said}");
+        assert!(said.contains("a run or a replay that ended before"), "{said}");
         assert!(said.contains("export") && said.contains("--force"), "{said}");
     }
     assert_eq!(std::fs::read(place.path("here/results.vtkhdf")).unwrap(), results);

@@ -98,7 +98,7 @@ fn wrong_calls_end_with_2_and_missing_problems_with_1() {
     let told = |call: &str| place.call(call).with_code(1).stderr();
     assert!(told("solve none.hdf5").contains("none.hdf5"));
     assert!(told("solve problems/notes.txt").contains("HDF5"));
-    assert!(told("solve empty").contains("no problem"));
+    assert!(told("solve empty").contains("expected problems"));
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Whether bodies have room where a recording leads them: driven bodies do not meet each other, so the run does not tell.
+//! Check for overlaps of driven bodies along recorded motions, which no contact prevents.
 
 use ballast::component::{MotionInput, Waveform};
 use ballast::geometry::{Clipper, HalfSpace, half_spaces_of};
@@ -6,11 +6,16 @@ use ballast::math::Pose;
 use ballast::model::{Model, Part, Role};
 use ballast::state::State;
 
-/// Depth up to which bodies lie side by side, m: what recorded the poses is no more exact.
-const SLACK: f64 = 1e-4;
+/// Overlap that is not reported, m: accuracy of recorded poses.
+const OVERLAP_TOLERANCE_M: f64 = 1e-4;
 
-/// Warns of the first knot, up to `end_ns`, at which a tine or sleeper that is moved lies in another driven body.
-pub fn lack(model: &Model, state: &State, inputs: &[MotionInput], end_ns: u64) -> Option<String> {
+/// Returns a warning about the first knot up to `end_ns` at which a moved tine or sleeper overlaps another driven body.
+pub fn overlap_warning(
+    model: &Model,
+    state: &State,
+    inputs: &[MotionInput],
+    end_ns: u64,
+) -> Option<String> {
     let knots = inputs.iter().flat_map(|input| &input.waveform.knots);
     let mut times: Vec<u64> = knots.map(|knot| knot.time_ns).filter(|t| *t <= end_ns).collect();
     times.sort_unstable();
@@ -18,13 +23,13 @@ pub fn lack(model: &Model, state: &State, inputs: &[MotionInput], end_ns: u64) -
     let motion = |name: &str| inputs.iter().find(|input| input.body == name).map(|i| &i.waveform);
     let motions: Vec<Option<&Waveform>> = model.driven.iter().map(|d| motion(&d.name)).collect();
     let all = 0..model.driven.len();
-    let is_led = |d: usize| motions[d].is_some() && model.driven[d].role != Role::Boundary;
-    // Of two that are led, once.
+    let is_moved = |d: usize| motions[d].is_some() && model.driven[d].role != Role::Boundary;
+    // Each pair of moved bodies once.
     let pairs: Vec<[usize; 2]> = all
         .clone()
-        .filter(|a| is_led(*a))
+        .filter(|a| is_moved(*a))
         .flat_map(|a| all.clone().filter(move |b| *b != a).map(move |b| [a, b]))
-        .filter(|[a, b]| a < b || !is_led(*b))
+        .filter(|[a, b]| a < b || !is_moved(*b))
         .collect();
     let mut clipper = Clipper::default();
     times.into_iter().find_map(|time| {
@@ -33,14 +38,14 @@ pub fn lack(model: &Model, state: &State, inputs: &[MotionInput], end_ns: u64) -
         let [a, b] = *pairs.iter().find(|pair| overlap(model, **pair, &poses, &mut clipper))?;
         let [a, b] = [a, b].map(|d| &model.driven[d].name);
         Some(format!(
-            "poses of {a:?}: expected a way clear of other driven bodies, since nothing stops them at each other, found \
-             one into {b:?} at {:.4} s of the run",
+            "poses of {a:?}: expected a motion clear of other driven bodies, which have no contacts with each other, found an \
+             overlap with {b:?} at {:.4} s of the run",
             time as f64 * 1e-9
         ))
     })
 }
 
-/// Whether a part of the first body lies deeper than [`SLACK`] in one of the second.
+/// Returns true if a part of the first body lies deeper than [`OVERLAP_TOLERANCE_M`] in one of the second.
 fn overlap(model: &Model, [a, b]: [usize; 2], poses: &[Pose], clipper: &mut Clipper) -> bool {
     model.driven[a].parts.iter().any(|part| {
         let Part::Convex { shape, pose } = part else { return false };
@@ -58,7 +63,7 @@ fn overlap(model: &Model, [a, b]: [usize; 2], poses: &[Pose], clipper: &mut Clip
                     half_spaces_of(other, &at)
                 }
             };
-            planes.iter_mut().for_each(|plane| plane.offset -= SLACK);
+            planes.iter_mut().for_each(|plane| plane.offset -= OVERLAP_TOLERANCE_M);
             clipper.volume_inside(solid, &pose, &planes) > 0.0
         })
     })
