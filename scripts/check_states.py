@@ -1,14 +1,14 @@
-"""Takes one case through every way a state can be kept and gone on from; all must end in the same bytes.
+"""Checks that a run continues bit for bit from every kind of saved state.
 
     python scripts/check_states.py CASE [--steps 6] [--bed-cache runs/beds]
 
-The machine of the case moves the tools, one step per window. The first steps are run
+The case's tamping cycle moves the bodies, one step per window. The first steps are run
 
-* straight, on one thread;
+* without interruption, on one thread;
 * with the state saved half way, the run finished, the state restored and the run finished again;
 * with the state of half way written to a file and the run finished by another process, on two threads;
 * with every window redone three times;
-* by a fork, taken half way.
+* by a fork, made half way.
 
 Needs the package of bindings/python.
 """
@@ -23,7 +23,7 @@ import ballast
 
 
 def finish(sim: ballast.Simulation, steps: int) -> str:
-    """The hash after that many steps of one window each."""
+    """Returns the hash after `steps` windows of one step."""
     for _ in range(steps):
         sim.step_tamping_cycle()
     return sim.save().hash
@@ -34,10 +34,10 @@ def redone(sim: ballast.Simulation, steps: int) -> str:
         before = sim.save()
         sim.step_tamping_cycle()
         after = sim.save()
-        # What the machine asked for in this window, told as motions: a body that it has left alone is still at rest.
-        told = {name: between(before, after, name) for name in sim.bodies if after.commanded_twist(name) is None}
+        # The motions of the tamping cycle. Bodies that it did not move have a commanded twist of zero instead of None.
+        motions = {name: between(before, after, name) for name in sim.bodies if after.commanded_twist(name) is None}
         for _ in range(3):
-            sim.redo(told)
+            sim.redo(motions)
     return sim.save().hash
 
 
@@ -47,7 +47,7 @@ def between(before: ballast.State, after: ballast.State, name: str) -> ballast.M
     return ballast.Motion(times, [end[0] for end in ends], [end[1] for end in ends])
 
 
-def elsewhere(case: str, state: Path, steps: int) -> str:
+def in_another_process(case: str, state: Path, steps: int) -> str:
     command = [sys.executable, __file__, case, "--steps", str(steps), "--resume", str(state)]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()
 
@@ -70,7 +70,7 @@ def compare(args: argparse.Namespace) -> bool:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "half.h5"
             kept.write(file)
-            ends["restored in another process, on two threads"] = elsewhere(args.case, file, rest)
+            ends["restored in another process, on two threads"] = in_another_process(args.case, file, rest)
 
         sim.restore(kept)
         with sim.fork() as fork:

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Makes an environment of its own below target/ with the Python packages that tests of examples and of results need.
+# Creates a virtual environment in target/python with the packages that tests of examples and results need.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,12 +1,10 @@
-"""What stepping from Python costs beside computing.
+"""Measures the overhead of stepping from Python.
 
     python bindings/python/benchmarks.py [CASE [ROUNDS]]
 
-The same steps, in windows of one step and in one window, in turn. What a window took in the core is told by its
-outcome; the rest of the call is Python's: arguments, checks, threads that wait for each other. It begins and ends
-with caches that the step has left cold, so something else that is called at that moment is timed beside it, and once more
-after as much work that touches no memory, or 64 MB of it, without any of the package. What a step costs more in a window of its own is all of that, and what the core does once per window; it is the difference
-of two times of computing, and told with its quartiles.
+Runs the same steps in turn in windows of one step and in one window. A result has the time that the core needed; the rest of
+the call is the overhead of Python: arguments, checks and thread synchronisation. A step leaves cold caches, so that a fixed
+reference call (json.dumps) is timed at the same moment, and again after equally long work without the package.
 """
 
 import hashlib
@@ -24,26 +22,26 @@ ROUNDS = int(sys.argv[2]) if len(sys.argv) > 2 else 8
 STEPS = 40
 
 
-def other():
-    """Something of Python's own; how long it takes, s."""
+def reference_call():
+    """Returns the time of a fixed call of the standard library, s."""
     t = time.perf_counter()
     json.dumps({"a": 1, "b": [1, 2, 3]})
     return time.perf_counter() - t
 
 
 def after(work):
-    """What the other call takes after 20 ms of this work, s."""
+    """Returns the median time of the reference call after 20 ms of work, s."""
     took = []
     for _ in range(100):
         begin = time.perf_counter()
         while time.perf_counter() - begin < 0.02:
             work()
-        took.append(other())
+        took.append(reference_call())
     return np.median(took)
 
 
 def measure(threads):
-    """Times of one number of threads, s."""
+    """Prints the times for a number of threads."""
     with ballast.open(CASE, threads=threads) as sim:
         sim.advance_to(10 * sim.step_ns)
         print(f"{sim.grain_count} grains, {len(sim.save().contact_bodies)} contact points, {threads} thread(s)")
@@ -61,7 +59,7 @@ def measure(threads):
                 took = time.perf_counter() - t
                 apart += took / STEPS
                 beside.append(took - out.wall_time_s)
-                others.append(other())
+                others.append(reference_call())
             more.append(apart - whole[-1])
             t = time.perf_counter()
             for _ in range(1000):
@@ -77,14 +75,14 @@ def measure(threads):
         view = (time.perf_counter() - t) / 1000
     low, middle, high = np.percentile(more, [25, 50, 75]) * 1e6
     print(f"  a step                        {np.median(whole) * 1e3:9.3f} ms")
-    print(f"  a call, beside the core       {np.median(beside) * 1e6:9.1f} us")
-    print(f"  json.dumps, at that moment    {np.median(others) * 1e6:9.1f} us")
-    print(f"  a step in its own window more {middle:9.1f} us (quartiles {low:.1f} and {high:.1f})")
+    print(f"  overhead of a call            {np.median(beside) * 1e6:9.1f} us")
+    print(f"  json.dumps at that moment     {np.median(others) * 1e6:9.1f} us")
+    print(f"  extra cost of a one-step window {middle:9.1f} us (quartiles {low:.1f} and {high:.1f})")
     print(f"  a refused call                {np.min(call) * 1e6:9.1f} us")
     print(f"  all positions                 {view * 1e6:9.1f} us")
 
 
-# Each in a thread of its own: a thread belongs to one pool only.
+# A separate thread each: a calling thread joins one pool for good.
 for threads in (1, 2):
     alone = Thread(target=measure, args=(threads,))
     alone.start()

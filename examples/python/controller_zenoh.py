@@ -1,4 +1,4 @@
-"""Squeezes until a preset force, from Python: stock eclipse-zenoh, JSON only.
+"""Controls a squeeze until a preset force over Zenoh: eclipse-zenoh and JSON, without the package `ballast`.
 
     ballast serve examples/first.toml --key demo/bed
     pip install eclipse-zenoh && python examples/python/controller_zenoh.py demo/bed 2000 0.1

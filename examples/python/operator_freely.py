@@ -43,7 +43,7 @@ def stick(t):
     s = min(max(t / 0.5, 0.0), 1.0)
     return depth * s * s * (3 - 2 * s), depth * 6 * s * (1 - s) / 0.5
 
-begin, told = time.monotonic(), time.monotonic()
+begin, last_print = time.monotonic(), time.monotonic()
 while (t := factor * (time.monotonic() - begin)) < 0.55:
     way, speed = stick(t)
     for tine in tines:
@@ -52,8 +52,8 @@ while (t := factor * (time.monotonic() - begin)) < 0.55:
                 "pose": {"position": {**at, "z": at["z"] - way}, "orientation": tine["orientation"]},
                 "twist": {"linear": {"x": 0.0, "y": 0.0, "z": -speed}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}}}
         session.put(f"{base}/in/{tine['name']}/motion", json.dumps(knot), encoding="application/json", attachment=ticket)
-    if time.monotonic() - told >= 2.0:
-        told, status = time.monotonic(), ask("ctl/status", {})
+    if time.monotonic() - last_print >= 2.0:
+        last_print, status = time.monotonic(), ask("ctl/status", {})
         for name, sample in [(name, wrenches.try_recv()) for name, wrenches in felt.items()]:
             if sample:  # geometry_msgs/WrenchStamped as CDR: force and torque come last
                 forces[name] = round(struct.unpack("<6d", sample.payload.to_bytes()[-48:])[2])

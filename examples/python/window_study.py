@@ -1,12 +1,12 @@
-"""What the length of the window changes in a whole tamping cycle, beside the scatter over seeds.
+"""Studies how the window length changes the loads of a tamping cycle, compared with the scatter over seeds.
 
     python examples/python/window_study.py [CASE [FOLDER [STEPS [SEEDS [JOBS]]]]]
     python examples/python/window_study.py examples/laptop.toml runs/windows 4,2 1,2,3,4 2
 
-The machine of the case tamps the bed of every seed, step by step. How it moved the bodies is then told to the same bed again
-in windows of so many STEPS, as a partner would: one knot per end of a window, with the velocity there (cubic); that of the
-first seed also held. Impulses and work are summed up phase by phase. Stopped, it goes on where it was; another case, or
-another version of the package, has runs of its own in the folder.
+The case's tamping cycle runs on the bed of every seed, step by step. Its motion is then replayed on the same bed in windows of
+STEPS steps, as a partner would command it: one knot at each end of a window, with the velocity there (cubic), and for the first
+seed also held. Impulses and work are summed by phase. A stopped study continues where it was; another case or version of the
+package has separate runs in the folder.
 """
 
 import hashlib
@@ -31,10 +31,10 @@ FIGURES = ["closing impulse of the tines, N s", "vertical impulse of the tines, 
 
 
 class Tally:
-    """Impulses and work by phase of the cycle, and what a run is judged by; tells how far it is."""
+    """Sums of impulses and work by phase, and quality of a run; prints progress."""
 
     def __init__(self, sim, steps, label):
-        self.whole, self.label, self.told = steps, label, 0
+        self.total_steps, self.label, self.printed = steps, label, 0
         self.closing = {tine.name: tine.direction for tine in sim.tines}
         self.sleepers = [name for name, role in sim.roles.items() if role == "sleeper"]
         self.phases, self.steps, self.capped, self.deepest = {}, 0, 0, 0.0
@@ -45,7 +45,7 @@ class Tally:
             sys.exit(f"the window up to {out.t1_ns} ns ended {out.status}: {out.error_message}")
         row = self.phases.setdefault(phase, [0.0] * len(FIGURES))
         for name, direction in self.closing.items():
-            # The ballast's impulse on the tine is against its way.
+            # The ballast's impulse on the tine opposes its motion.
             row[0] -= direction * out[name].impulse[0]
             row[1] += out[name].impulse[2]
             row[3] += out[name].work
@@ -53,9 +53,9 @@ class Tally:
         self.steps += out.steps
         self.capped += out.solver.steps_not_converged
         self.deepest = max(self.deepest, out.solver.max_penetration)
-        if 10 * self.steps // self.whole > self.told:
-            self.told = 10 * self.steps // self.whole
-            print(f"{self.label}: {10 * self.told} %", flush=True)
+        if 10 * self.steps // self.total_steps > self.printed:
+            self.printed = 10 * self.steps // self.total_steps
+            print(f"{self.label}: {10 * self.printed} %", flush=True)
 
     def result(self, sim):
         after = {name: zone.compactness for name, zone in sim.zones().items()}
@@ -63,11 +63,11 @@ class Tally:
                 "capped": self.capped, "max_penetration_m": self.deepest}  # fmt: skip
 
 
-def place_of(case, folder):
-    """Where the runs of a case are kept: by what they depend on."""
+def runs_folder(case, folder):
+    """Returns the folder of a case's runs, named by a hash of what they depend on."""
     read = ballast.Case.load(case)
-    told = json.dumps([ballast.__version__, read.text, read.bed_key])
-    return folder / hashlib.sha256(told.encode()).hexdigest()[:12]
+    identity = json.dumps([ballast.__version__, read.text, read.bed_key])
+    return folder / hashlib.sha256(identity.encode()).hexdigest()[:12]
 
 
 def begin(case, seed, folder):
@@ -76,7 +76,7 @@ def begin(case, seed, folder):
 
 
 def tamp(case, seed, folder):
-    """A cycle by the case's machine; leaves how it moved the bodies."""
+    """Runs the case's tamping cycle and writes the motion of its bodies."""
     chosen, sim = begin(case, seed, folder)
     with sim:
         steps = chosen.duration_ns // chosen.step_ns
@@ -95,7 +95,7 @@ def tamp(case, seed, folder):
 
 
 def replay(case, seed, folder, kind, n):
-    """The same motion in windows of `n` steps, which end where phases do."""
+    """Replays the motion in windows of at most `n` steps, which also end with each phase."""
     motion = json.loads((folder / f"motion_{seed}.json").read_text())
     times, phases = motion.pop("times_ns"), motion.pop("phases")
     _, sim = begin(case, seed, folder)
@@ -107,7 +107,7 @@ def replay(case, seed, folder, kind, n):
         while a < len(phases):
             b = next((i for i in range(a + 1, a + n) if phases[i : i + 1] != [phases[a]]), a + n)
             ends = [a] if kind == "hold" else [a, b]
-            # The first cubic begins with the speed of its curve, where a body was at rest.
+            # The first cubic motion starts with the velocity of the spline instead of rest.
             motions = {
                 name: ballast.Motion([times[i] for i in ends], way[ends, :3], way[ends, 3:],
                                      velocities=speeds[name][ends] if kind == "hermite" else None,
@@ -136,7 +136,7 @@ def run(case, folder, seed, kind, n):
 
 def compute(case, folder, wanted, jobs):
     left = [w for w in wanted if not file_of(folder, *w).exists()]
-    # A motion has to be there before it can be told again.
+    # Motions must exist before they are replayed.
     for group in ([w for w in left if w[1] == "machine"], [w for w in left if w[1] != "machine"]):
         with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
             for done in as_completed([pool.submit(run, case, folder, *w) for w in group]):
@@ -145,15 +145,15 @@ def compute(case, folder, wanted, jobs):
 
 
 def draw(runs, seeds, steps, path):
-    """Every figure of every phase: the beds of all seeds as dots, other ways of telling beside them."""
+    """Plots every figure by phase: a dot for the bed of each seed and each kind of replay."""
     phases = list(runs[seeds[0], "machine", 1]["phases"])
     marks = {("hermite", n): (seeds, f"cubic, {n} steps, all beds") for n in steps}
     marks["hold", steps[0]] = (seeds[:1], f"held, {steps[0]} steps, the first bed")
     figure, axes = plt.subplots(1, len(FIGURES), figsize=(16, 4), layout="constrained")
     for k, (ax, label) in enumerate(zip(axes, FIGURES, strict=True)):
         for i, phase in enumerate(phases):
-            for j, (told, (beds, name)) in enumerate(marks.items()):
-                values = [figure_of(runs[seed, *told], phase, k) for seed in beds]
+            for j, (kind, (beds, name)) in enumerate(marks.items()):
+                values = [figure_of(runs[seed, *kind], phase, k) for seed in beds]
                 places = i + 0.2 * (j - 0.5 * (len(marks) - 1))
                 ax.plot([places] * len(beds), values, "osDd^v<>"[j], color=f"C{j}", ms=4,
                         label=name if i == 0 else None)  # fmt: skip
@@ -171,12 +171,12 @@ def figure_of(result, phase, k):
 
 
 def judge(runs, seeds, steps):
-    """How often halving the window does more to a figure of a bed than another bed would, and whether the means differ."""
+    """Yields how often halving the window changes a figure by more than the scatter over beds, and whether means differ."""
     phases = runs[seeds[0], "machine", 1]["phases"]
     beds = np.array([[[runs[s, "hermite", n]["phases"][p] for p in phases] for s in seeds] for n in steps[:2]])
     beds = beds.reshape(2, len(seeds), -1)
     beds = beds[:, :, np.abs(beds).max(axis=(0, 1)) > 1.0]
-    # One bed has no range.
+    # A single bed has no scatter.
     if len(seeds) > 1:
         beyond = np.abs(beds[1] - beds[0]) > np.ptp(beds[0], axis=0)
         yield f"{beyond.sum()} of {beyond.size} changes are larger than the range over the beds"
@@ -184,11 +184,14 @@ def judge(runs, seeds, steps):
 
 
 def table(runs, seeds, steps):
-    """Lines of Markdown: each figure by phase, mean over the beds; by how much the second length differs from the first,
-    bed by bed, mean and standard error; the deviation over the beds; what holding changes in the first bed. Figures that
-    are nothing in a phase beside the largest are left out."""
-    told = [f"cubic, {n}" for n in steps]
-    head = ["phase", "figure", *told, "halving changes", "standard error", "deviation over beds",
+    """Yields lines of Markdown with each figure by phase.
+
+    Columns: mean over the beds for each window length, mean change between the two lengths with its standard error, standard
+    deviation over the beds, and the values of the first bed, cubic and held. Figures that are negligible in a phase are
+    omitted.
+    """
+    kinds = [f"cubic, {n}" for n in steps]
+    head = ["phase", "figure", *kinds, "halving changes", "standard error", "deviation over beds",
             f"cubic, {steps[0]}, first bed", f"held, {steps[0]}, first bed"]  # fmt: skip
     yield from (f"| {' | '.join(head)} |", "|---" * len(head) + "|")
     phases = runs[seeds[0], "machine", 1]["phases"]
@@ -213,7 +216,7 @@ def main():
     seeds = [int(s) for s in arguments.get(4, "1,2,3").split(",")]
     if len(steps) < 2:
         sys.exit(f"STEPS: expected two lengths of windows or more, such as 4,2; found {steps}")
-    kept = place_of(case, folder)
+    kept = runs_folder(case, folder)
     kept.mkdir(parents=True, exist_ok=True)
     wanted = [(seed, "machine", 1) for seed in seeds]
     wanted += [(seed, "hermite", n) for n in steps for seed in seeds] + [(seeds[0], "hold", steps[0])]
@@ -224,6 +227,6 @@ def main():
     print(text, *judge(runs, seeds, steps), folder / "windows.png", sep="\n")
 
 
-# Runs are processes of their own, which read this file again.
+# Worker processes import this file.
 if __name__ == "__main__":
     main()
