@@ -12,6 +12,7 @@ mod calls;
 mod case;
 mod errors;
 mod factory;
+mod info;
 mod inputs;
 mod local;
 mod lock;

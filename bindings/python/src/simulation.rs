@@ -2,10 +2,11 @@
 
 use crate::arrays::{self, Vector};
 use crate::backend::{Backend, LastResult, WindowSpec};
-use crate::bodies::{BodyInfo, PyTine, SolidArrays, parts, solid};
+use crate::bodies::{PyTine, SolidArrays, parts, solid};
 use crate::calls::CallState;
 use crate::case::PyCase;
 use crate::errors;
+use crate::info::SimulationInfo;
 use crate::inputs;
 use crate::local::{LocalBackend, SharedContext};
 use crate::lock::{lock, lock_detached, try_lock};
@@ -59,56 +60,26 @@ impl AnyBackend {
     }
 }
 
-/// Properties of a simulation that stepping does not change.
-struct SimulationInfo {
-    name: String,
-    /// Names of the driven bodies `[nd]`.
-    names: Arc<[String]>,
-    /// Driven bodies `[nd]`.
-    bodies: Vec<BodyInfo>,
-    step_ns: u64,
-    schedule: String,
-    grain_count: usize,
-}
-
 impl PySimulation {
     /// Returns a simulation of this process.
     pub fn local(local: LocalBackend) -> Self {
         let context = local.context().clone();
-        let model = &context.model;
-        let info = SimulationInfo {
-            name: context.case.plan.name.clone(),
-            names: Arc::clone(&context.names),
-            bodies: model.driven.iter().map(Into::into).collect(),
-            step_ns: model.stepping.step_ns,
-            schedule: model.solver.schedule.name().into(),
-            grain_count: model.grains.len(),
-        };
         Self {
             calls: Arc::clone(local.calls()),
             last_result: Arc::clone(local.last_result()),
             backend: Mutex::new(Some(AnyBackend::Local(Box::new(local)))),
-            info,
+            info: SimulationInfo::local(&context),
             context: Some(context),
         }
     }
 
     /// Returns a simulation of a remote component.
     pub fn remote(remote: RemoteBackend, description: ComponentDescription) -> Self {
-        let schedule = description.parameters.get("schedule").and_then(|s| s.as_str());
-        let info = SimulationInfo {
-            name: format!("zenoh:{}", description.key),
-            schedule: schedule.unwrap_or_default().into(),
-            names: description.bodies.iter().map(|b| b.name.clone()).collect(),
-            bodies: description.bodies.into_iter().map(Into::into).collect(),
-            step_ns: description.step_ns,
-            grain_count: description.grains,
-        };
         Self {
             calls: Arc::clone(remote.calls()),
             last_result: Arc::clone(remote.last_result()),
             backend: Mutex::new(Some(AnyBackend::Remote(Box::new(remote)))),
-            info,
+            info: SimulationInfo::remote(description),
             context: None,
         }
     }

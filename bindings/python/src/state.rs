@@ -32,7 +32,7 @@ pub struct PyState(pub StateStorage);
 type VectorPair<'py> = (Vector<'py>, Vector<'py>);
 
 /// Position, orientation, velocity and angular velocity.
-type BodyMotion<'py> = (Vector<'py>, Vector<'py>, Vector<'py>, Vector<'py>);
+type BodyArrays<'py> = (Vector<'py>, Vector<'py>, Vector<'py>, Vector<'py>);
 
 /// Location of a state's data.
 pub enum StateStorage {
@@ -308,7 +308,7 @@ impl PyState {
     ///
     /// Raises:
     ///     RequestError: no driven body has this name.
-    fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<BodyMotion<'py>> {
+    fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<BodyArrays<'py>> {
         let local = self.local(py, "body")?;
         let state = &local.state;
         let b = local.model.grains.len() + local.driven(py, name)?;

@@ -24,8 +24,11 @@ def progress_callback(choice: bool | ProgressCallback, title: str) -> Iterator[P
         yield None if choice is False else choice
         return
     display = _Display(title)
-    yield display.update
-    display.finish()
+    try:
+        yield display.update
+        display.finish()
+    finally:
+        display.close()
 
 
 class _Display:
@@ -49,6 +52,9 @@ class _Display:
     def finish(self) -> None:
         if self._bar is not None:
             self._draw(100, "")
+
+    def close(self) -> None:
+        if self._bar is not None:
             with suppress(OSError, ValueError):
                 self._bar.close()
 

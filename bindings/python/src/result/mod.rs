@@ -18,7 +18,7 @@ use pyo3::types::{PyBytes, PyDict, PyIterator};
 use std::sync::Arc;
 
 /// Return value of `__reduce__`: a private function of the module and its arguments.
-type Reduced<'py, Args> = (Bound<'py, PyAny>, Args);
+type PickleReduction<'py, Args> = (Bound<'py, PyAny>, Args);
 
 /// Returns a private function of the module, for pickling.
 fn private_function<'py>(py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
@@ -211,7 +211,10 @@ impl PyWindowResult {
         name.extract().is_ok_and(|name: &str| self.names.iter().any(|known| known == name))
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py, PickledWindow<'py>>> {
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<PickleReduction<'py, PickledWindow<'py>>> {
         let series = self.step_series.as_ref().map(|series| series.get().steps().clone());
         let has_step_series = series.is_some();
         let series = series.unwrap_or_default();

@@ -1,6 +1,6 @@
 //! Parts of a window's result: bodies, zones, squeezes, solver and energy.
 
-use super::{Reduced, malformed, private_function};
+use super::{PickleReduction, malformed, private_function};
 use crate::arrays::{self, Matrix, Vector};
 use ballast_protocol::messages::{
     EnergyBalance, Message, SolverStats, SqueezeReport, Vector3, WrenchImpulse, ZoneMeasurement,
@@ -17,7 +17,7 @@ fn reduce<'py, M: Message>(
     py: Python<'py>,
     kind: &'static str,
     message: &M,
-) -> PyResult<Reduced<'py, PickledPart<'py>>> {
+) -> PyResult<PickleReduction<'py, PickledPart<'py>>> {
     let bytes = to_cdr(message).map_err(malformed)?;
     Ok((private_function(py, "_unpickle_part")?, (kind, PyBytes::new(py, &bytes))))
 }
@@ -54,7 +54,7 @@ macro_rules! message_class {
                 $value
             })*
 
-            fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py, PickledPart<'py>>> {
+            fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<PickleReduction<'py, PickledPart<'py>>> {
                 reduce(py, $kind, &self.0)
             }
 

@@ -1,6 +1,6 @@
 //! Values of every step of a window.
 
-use super::{Reduced, malformed, private_function};
+use super::{PickleReduction, malformed, private_function};
 use crate::arrays::{self, Matrix, Vector};
 use ballast_protocol::messages::StepSeries;
 use ballast_protocol::{from_cdr, to_cdr};
@@ -65,7 +65,10 @@ impl PyStepSeries {
         self.steps.time_ns.len()
     }
 
-    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<Reduced<'py, PickledSeries<'py>>> {
+    fn __reduce__<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<PickleReduction<'py, PickledSeries<'py>>> {
         let bytes = to_cdr(&self.steps).map_err(malformed)?;
         let arguments = (PyBytes::new(py, &bytes), self.names.to_vec());
         Ok((private_function(py, "_unpickle_step_series")?, arguments))
