@@ -96,6 +96,8 @@ def test_squeezes_are_measured(case: ballast.Case, beds: Path) -> None:
     closing, force = last.loop.T
     assert closing.max() > 5e-3 and closing.max() == max(s.closing for s in reported)
     assert last.peak_force == np.abs(force).max() <= last.peak_step_force
+    again = pickle.loads(pickle.dumps(last))
+    assert isinstance(again, ballast.Squeeze) and repr(again) == repr(last) and np.array_equal(again.loop, last.loop)
 
 
 def test_tines_have_the_pair_number_of_the_case(case: ballast.Case, beds: Path) -> None:
@@ -889,6 +891,26 @@ def test_states_motions_and_loads_can_be_pickled(sim: ballast.Simulation, tmp_pa
         made = pickle.loads(pickle.dumps(load))
         assert isinstance(made, ballast.Load) and parts_of(made) == parts_of(load)
         assert parts_of(load)[1]["interpolation"] == interpolation
+
+
+def test_results_can_be_pickled(sim: ballast.Simulation) -> None:
+    plain = sim.advance_to(5 * sim.step_ns)
+    out = sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 5), record_steps=True, zones=True)
+    assert plain.step_series is None and out.zones
+    for result in (plain, out):
+        for again in (pickle.loads(pickle.dumps(result)), copy.copy(result), copy.deepcopy(result)):
+            assert isinstance(again, ballast.WindowResult) and repr(again) == repr(result)
+            assert numbers(again) == numbers(result)
+            assert (again.wall_time_s, again.max_knot_spacing_ns) == (result.wall_time_s, result.max_knot_spacing_ns)
+            assert (again.step_series is None) == (result.step_series is None)
+    series = out.step_series
+    assert series is not None
+    again = pickle.loads(pickle.dumps(series))
+    assert len(again) == 5 and again.time_ns.tolist() == series.time_ns.tolist()
+    assert all(rows.tobytes() == again.impulses[name].tobytes() for name, rows in series.impulses.items())
+    for part in (*out.values(), *out.zones.values(), out.solver, out.energy):
+        made = pickle.loads(pickle.dumps(part))
+        assert type(made) is type(part) and repr(made) == repr(part)
 
 
 def parts_of(input: ballast.Motion | ballast.Load) -> tuple[list[bytes], dict[str, object]]:
