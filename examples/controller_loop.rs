@@ -10,7 +10,7 @@ use ballast_protocol::messages::{
     AdvanceReply, BodyMotion, InterpolationMode, MotionKnot, Point, Pose, Quaternion, ReplyStatus,
     Twist, Vector3,
 };
-use ballast_zenoh::link::DEFAULT_ENDPOINT;
+use ballast_zenoh::session::DEFAULT_ENDPOINT;
 use ballast_zenoh::{Client, SessionConfig, Timeouts};
 use std::error::Error;
 

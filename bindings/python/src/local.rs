@@ -274,7 +274,7 @@ impl Backend for LocalBackend {
         };
         let mut data = WindowData {
             machine: machine_before.clone(),
-            series: spec.record_steps.then(|| StepSeries::begin(&self.context.model)),
+            series: spec.record_steps.then(|| StepSeries::new(&self.context.model)),
             wall_time: Duration::ZERO,
         };
         let computed = self.compute(py, spec, &mut data);
@@ -397,7 +397,7 @@ impl StepObserver for WindowObserver<'_, '_> {
     ) -> ControlFlow<StopReason> {
         assert!(!self.panics, "panic requested by a test");
         if let Some(series) = &mut self.data.series {
-            series.take(state, report);
+            series.push(state, report);
         }
         if self.by_tamping_cycle {
             self.data.machine.observe(self.model, state, report);

@@ -99,7 +99,7 @@ impl RemoteClient {
         let Some(mut client) = self.client.take_if(|_| is_of_this_process) else { return Ok(()) };
         let control = TaskControl::with_flag(Arc::clone(&client.connection().cancelled));
         // A computing component would not reply before the end of its window.
-        let is_idle = !client.is_waiting();
+        let is_idle = !client.has_pending();
         let ((), raised) = run_controlled(py, &self.threads, &control, |_| {
             let is_answered = |name: &String| match client.drop_state(name) {
                 Ok(_) => true,
@@ -249,7 +249,7 @@ impl RemoteBackend {
             Ok(reply) => reply,
             Err(error) => {
                 // A refused window was not computed; one of a diverged run will never be answered.
-                if !self.client.client().is_waiting() {
+                if !self.client.client().has_pending() {
                     self.pending = None;
                 }
                 return Err(raised.unwrap_or_else(|| failed(py, error)));
@@ -259,7 +259,7 @@ impl RemoteBackend {
         *lock(&self.last_result) = None;
         self.follow(py, kind, &request, &reply)?;
         // Checks the values of the reply.
-        reply.outcome().map_err(|e| bad_reply(py, RequestKind::Window(kind).word(), &e))?;
+        reply.outcome().map_err(|e| bad_reply(py, RequestKind::Window(kind).name(), &e))?;
         if !zones {
             reply.zones.clear();
         }
@@ -438,5 +438,5 @@ fn failed(py: Python<'_>, error: ballast_zenoh::Error) -> PyErr {
 
 /// Returns the exception for a reply that cannot be used.
 fn bad_reply(py: Python<'_>, request: &str, fault: &MessageError) -> PyErr {
-    failed(py, ballast_zenoh::Error::answer(request, fault))
+    failed(py, ballast_zenoh::Error::bad_reply(request, fault))
 }

@@ -4,14 +4,14 @@ use crate::entry::Entry;
 use ballast::math::Vec3;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast_protocol::{MessageError, pictures};
+use ballast_protocol::{MessageError, visualization};
 
 /// Points, see [`pictures::stones`].
 ///
 /// # Errors
 /// None for a state of any sensible size.
 fn stones(model: &Model, state: &State) -> Result<Entry, MessageError> {
-    Entry::of("/stones", state.time_ns, &pictures::stones(model, state))
+    Entry::of("/stones", state.time_ns, &visualization::grain_cloud(model, state))
 }
 
 /// Polyhedra and forces, see [`pictures::scene`].
@@ -19,7 +19,7 @@ fn stones(model: &Model, state: &State) -> Result<Entry, MessageError> {
 /// # Errors
 /// None for a state of any sensible size.
 fn scene(model: &Model, state: &State, forces: &[Vec3]) -> Result<Entry, MessageError> {
-    Entry::of("/scene", state.time_ns, &pictures::scene(model, state, forces))
+    Entry::of("/scene", state.time_ns, &visualization::scene(model, state, forces))
 }
 
 /// The points, and where it is to be `whole` the polyhedra, which are many times larger.

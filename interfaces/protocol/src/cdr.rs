@@ -2,11 +2,11 @@
 //!
 //! Reads and writes: bytes. Contract: four bytes of encapsulation header, then the fields in order,
 //! numbers aligned to their size relative to the first byte after the header, strings and sequences
-//! with a 32-bit length in front, strings with a closing zero that counts. Written little endian; both
-//! orders are read. Decoding never reserves more memory than the bytes at hand can fill.
+//! with a 32-bit length in front, strings with a closing zero that counts. Encodes little endian and decodes both
+//! orders. Decoding never reserves more memory than the message can fill.
 
-mod read;
-mod write;
+mod reader;
+mod writer;
 
 use crate::MessageError;
 use crate::messages::Message;
@@ -15,28 +15,28 @@ use crate::messages::Message;
 const BIG: [u8; 2] = [0, 0];
 const LITTLE: [u8; 2] = [0, 1];
 
-/// A message as CDR with its encapsulation header.
+/// Encodes a message as CDR with its encapsulation header.
 ///
 /// # Errors
-/// A text with a zero inside, or a list with more than 2³² entries: neither can be expressed.
+/// A text that contains a zero byte, or a list with more than 2³² entries.
 pub fn to_cdr<T: Message>(message: &T) -> Result<Vec<u8>, MessageError> {
-    let mut writer = write::Writer::new();
+    let mut writer = writer::CdrWriter::new();
     message.serialize(&mut writer).map_err(|e| e.inside(T::NAME))?;
     Ok(writer.finish())
 }
 
-/// A message from CDR with its encapsulation header.
+/// Decodes a message from CDR with its encapsulation header.
 ///
-/// Up to three zero bytes may follow that fill the last word, as some writers leave them.
+/// Up to three zero bytes may follow to fill the last word, as some writers do.
 ///
 /// # Errors
-/// Bytes that are no message of this type: another encapsulation, an end too early or too late, text
-/// that is not UTF-8, a value that the type does not know. With the field and its byte.
+/// Bytes that are no message of this type: another encapsulation, a wrong length, text that is not UTF-8, or a
+/// value outside an enumeration. The error names the field and its byte.
 pub fn from_cdr<T: Message>(bytes: &[u8]) -> Result<T, MessageError> {
-    read(bytes).map_err(|e| e.inside(T::NAME))
+    decode(bytes).map_err(|e| e.inside(T::NAME))
 }
 
-fn read<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, MessageError> {
+fn decode<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, MessageError> {
     let Some((header, body)) = bytes.split_first_chunk::<4>() else {
         let found = format!("{} bytes", bytes.len());
         return Err(MessageError::new("", "an encapsulation header of 4 bytes", found));
@@ -53,9 +53,9 @@ fn read<T: serde::de::DeserializeOwned>(bytes: &[u8]) -> Result<T, MessageError>
             ));
         }
     };
-    let mut reader = read::Reader::new(body, little);
-    let message = T::deserialize(&mut reader).map_err(|e| reader.located(e))?;
-    reader.end()?;
+    let mut reader = reader::CdrReader::new(body, little);
+    let message = T::deserialize(&mut reader).map_err(|e| reader.with_path(e))?;
+    reader.expect_end()?;
     Ok(message)
 }
 

@@ -1,4 +1,4 @@
-//! What a component says of itself.
+//! Description of a served component.
 
 use crate::lockstep::Lockstep;
 use crate::messages::{Point, Quaternion, SolverParameters, Twist};
@@ -8,72 +8,83 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Major version of the messages.
+/// Major version of the protocol.
 pub const PROTOCOL_VERSION: u32 = 1;
 
-/// Everything a partner has to know before the first window.
+/// Description of a component: all that a client needs before the first window.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ComponentDescription {
-    /// `site/id`.
+    /// Name of the component, `site/id`.
     pub key: String,
-    /// Of the program.
+    /// Version of the program.
     pub version: String,
-    /// Major version of the messages.
+    /// Major version of the protocol.
     pub protocol_version: u32,
-    /// Windows are whole numbers of these, ns.
+    /// Time step, ns; windows are whole numbers of steps.
     pub step_ns: u64,
+    /// Number of grains.
     pub grains: usize,
+    /// Driven bodies.
     pub bodies: Vec<BodyDescription>,
-    /// How closely a window has to join the one before it.
+    /// Maximum jump of a motion between two windows.
     pub continuity: ContinuityTolerance,
-    /// What the same inputs give.
+    /// Statement on reproducibility.
     pub determinism: String,
+    /// Units of all quantities.
     pub units: String,
+    /// Coordinate frame and order of quaternion components.
     pub frame: String,
+    /// Sign, frame and reference point of wrenches.
     pub wrench_convention: String,
-    /// Where pictures are sent from, endpoints.
+    /// Endpoints for viewers.
     #[serde(default)]
     pub viewer_endpoints: Vec<String>,
-    /// What is set now; 0: no tolerance, no limit of the penetration (m), as `param` takes them.
+    /// Current parameters, in the units of `param`; a tolerance or penetration limit (m) of 0 means none.
     pub parameters: BTreeMap<String, serde_json::Value>,
 }
 
-/// How far apart two windows may be where they join.
+/// Maximum jump of a motion between the end of a window and the start of the next.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct ContinuityTolerance {
+    /// Jump of the position, m.
     pub distance_m: f64,
+    /// Jump of the orientation, rad.
     pub angle_rad: f64,
+    /// Jump of the velocity, m/s.
     #[serde(rename = "speed_m_per_s")]
     pub speed: f64,
     #[serde(rename = "spin_rad_per_s")]
     pub angular_velocity: f64,
 }
 
-/// A driven body.
+/// Description of a driven body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct BodyDescription {
+    /// Name of the body.
     pub name: String,
-    /// `tine`, `sleeper`, `boundary`.
+    /// Role of the body: `tine`, `sleeper` or `boundary`.
     pub role: String,
     /// Modes of x, y, z and of the rotations about them: `prescribed`, `free` or `spring`.
     pub dof_modes: [String; 6],
-    /// Stiffness of the springs, in the same order: N/m, N s/m, of rotations N m/rad, N m s/rad; elsewhere 0.
+    /// Stiffness of the springs, in the same order: N/m, of rotations N m/rad; elsewhere 0.
     pub stiffness: [f64; 6],
+    /// Damping of the springs, in the same order: N s/m, of rotations N m s/rad; elsewhere 0.
     pub damping: [f64; 6],
-    /// That moves with it, kg; none of a body whose motion is imposed.
+    /// Mass that moves with the body, kg; `None` if all of its motion is prescribed.
     pub mass_kg: Option<f64>,
-    /// Where the reference point is, m, and how the body is turned, after the last window: what its motion goes on
-    /// from. Of a body on springs that is where its mount is.
+    /// Position of the reference point after the last window, m; for a body on springs, of its mount.
     pub position: Point,
+    /// Orientation after the last window, body to world; for a body on springs, of its mount.
     pub orientation: Quaternion,
-    /// Velocity (m/s) and spin (rad/s) with which its next cubic motion begins: as the last one ended, or zero where it
-    /// had no motion. Null, any, after a held or linear one.
+    /// Velocity (m/s) and angular velocity (rad/s) that the next cubic motion must start with.
+    ///
+    /// Zero for a body at rest; `None`, for any, after a held or linear motion.
     #[serde(default)]
     pub twist: Option<Twist>,
 }
 
 impl ComponentDescription {
-    /// Of the component `site/id` as it is now.
+    /// Describes the component `site/id` in its current state.
     pub fn of(key: &str, lockstep: &Lockstep) -> Self {
         let component = lockstep.component();
         let model = component.model();
@@ -113,12 +124,12 @@ impl ComponentDescription {
             viewer_endpoints: Vec::new(),
             parameters: parameters(component),
         };
-        this.follow(lockstep);
+        this.update(lockstep);
         this
     }
 
-    /// Puts the bodies where they are now, and as they move.
-    pub fn follow(&mut self, lockstep: &Lockstep) {
+    /// Updates poses and velocities of the bodies.
+    pub fn update(&mut self, lockstep: &Lockstep) {
         let component = lockstep.component();
         let (model, state) = (component.model(), component.state());
         for (d, body) in self.bodies.iter_mut().enumerate() {
@@ -129,10 +140,10 @@ impl ComponentDescription {
     }
 }
 
-/// What decides how a window is computed.
+/// Returns the parameters of the solver by name.
 fn parameters(component: &Component) -> BTreeMap<String, serde_json::Value> {
     let model = component.model();
-    // As they are set: 0 is none.
+    // In the units of `param`: 0 means none.
     let SolverParameters { max_iterations, tolerance, max_penetration } =
         component.parameters().into();
     [

@@ -1,12 +1,12 @@
-//! Messages as JSON: the control plane, scripts, and people.
+//! JSON encoding of messages.
 //!
-//! Enums are words, hashes are hexadecimal, a number that is not finite is `null`.
+//! Enumerations are words, hashes are hexadecimal, and non-finite numbers are `null`.
 
 use crate::MessageError;
 use crate::messages::Message;
 use serde::de::DeserializeOwned;
 
-/// A message as JSON text.
+/// Encodes a message as JSON text.
 ///
 /// # Errors
 /// None for messages of this crate; the signature is that of [`crate::to_cdr`].
@@ -15,21 +15,20 @@ pub fn to_json<T: Message>(message: &T) -> Result<String, MessageError> {
         .map_err(|e| MessageError::new(T::NAME, "a value that can be written", e))
 }
 
-/// A message from JSON text.
+/// Decodes a message from JSON text.
 ///
 /// # Errors
-/// What is no message of this type, with the path of the field, and line and column.
+/// Text that is no message of this type; the error names the field, line and column.
 pub fn from_json<T: Message>(text: &[u8]) -> Result<T, MessageError> {
-    from_json_called(T::NAME, text)
+    from_json_named(T::NAME, text)
 }
 
-/// What is no message of its own, such as a request of the control plane, from JSON text; `name` begins the place of what is
-/// wrong.
+/// Decodes any type, such as a request of the control plane, from JSON text; `name` begins the place of an error.
 ///
 /// # Errors
-/// As [`from_json`].
-pub fn from_json_called<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<T, MessageError> {
-    // Lists of values by position would be read, too, but are nothing that the schema knows.
+/// Text that is no value of this type, see [`from_json`].
+pub fn from_json_named<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<T, MessageError> {
+    // Serde also accepts lists of values by position, which the schema forbids.
     let first = text.iter().find(|byte| !byte.is_ascii_whitespace());
     if first == Some(&b'[') {
         let found: String = String::from_utf8_lossy(text).trim_start().chars().take(20).collect();
@@ -40,14 +39,14 @@ pub fn from_json_called<T: DeserializeOwned>(name: &str, text: &[u8]) -> Result<
         // `.` is the whole; `?` is where the text ends within a field.
         let path = e.path().to_string();
         let place = path.trim_end_matches('?').trim_end_matches('.');
-        in_parts(place.to_string(), e.inner(), text).inside(name)
+        split_error(place.to_string(), e.inner(), text).inside(name)
     })?;
     reader.end().map_err(|e| MessageError::new(name, "the end of the text", e))?;
     Ok(message)
 }
 
-/// What serde says of `text` in one sentence, as expected and found.
-fn in_parts(place: String, error: &serde_json::Error, text: &[u8]) -> MessageError {
+/// Splits an error of serde about `text` into place, expected and found.
+fn split_error(place: String, error: &serde_json::Error, text: &[u8]) -> MessageError {
     let sentence = error.to_string();
     let (message, at) =
         sentence.rsplit_once(" at line ").map_or((&sentence[..], None), |(s, at)| (s, Some(at)));
@@ -62,11 +61,11 @@ fn in_parts(place: String, error: &serde_json::Error, text: &[u8]) -> MessageErr
         kinds.iter().find_map(|kind| message.strip_prefix(kind)?.rsplit_once(", expected "));
     let (expected, found) = match (message.strip_prefix("missing field "), differs) {
         (Some(field), _) => (format!("the field {field}"), "none".to_string()),
-        (_, Some((found, expected))) => (in_words(expected), found.to_string()),
+        (_, Some((found, expected))) => (describe_type(expected), found.to_string()),
         _ if error.is_data() => ("a value of this type".to_string(), message.to_string()),
-        _ => match word_at(text, error.line(), error.column()) {
-            // What programs write of numbers that JSON has no word for.
-            word if message == "number out of range" || is_no_number(&word) => {
+        _ => match token_at(text, error.line(), error.column()) {
+            // Programs write these for numbers that JSON cannot express.
+            word if message == "number out of range" || is_non_finite_literal(&word) => {
                 ("a finite number".to_string(), word)
             }
             word if message == "expected value" && !word.is_empty() => ("JSON".to_string(), word),
@@ -80,8 +79,8 @@ fn in_parts(place: String, error: &serde_json::Error, text: &[u8]) -> MessageErr
     MessageError::new(place, expected, found)
 }
 
-/// The word of `text` in which a line and column (from 1) lie, or that ends before it: 20 characters at most.
-fn word_at(text: &[u8], line: usize, column: usize) -> String {
+/// Returns the token of `text` at or before a line and column (from 1), at most 20 characters.
+fn token_at(text: &[u8], line: usize, column: usize) -> String {
     let line = text.split(|byte| *byte == b'\n').nth(line.saturating_sub(1)).unwrap_or_default();
     let ends = |byte: &u8| byte.is_ascii_whitespace() || b",:{}[]\"".contains(byte);
     let at = column.saturating_sub(1).min(line.len());
@@ -90,13 +89,13 @@ fn word_at(text: &[u8], line: usize, column: usize) -> String {
     String::from_utf8_lossy(&word.copied().collect::<Vec<_>>()).into_owned()
 }
 
-fn is_no_number(word: &str) -> bool {
+fn is_non_finite_literal(word: &str) -> bool {
     let word = word.trim_start_matches(['-', '+']).to_ascii_lowercase();
     matches!(&word[..], "nan" | "inf" | "infinity")
 }
 
-/// Types of numbers in words that partners in other languages know.
-fn in_words(expected: &str) -> String {
+/// Describes a number type of Rust for users of other languages.
+fn describe_type(expected: &str) -> String {
     let whole = |low: i128, high: u128| format!("a whole number from {low} to {high}");
     match expected {
         "u8" => whole(0, u8::MAX.into()),
@@ -118,14 +117,14 @@ mod tests {
     use crate::lockstep::{AttachRequest, ParameterUpdate};
 
     #[test]
-    fn what_is_wrong_is_told_in_parts() {
+    fn what_is_wrong_is_told_split_error() {
         let attach = |text: &str| {
-            from_json_called::<AttachRequest>("attach", text.as_bytes()).unwrap_err().to_string()
+            from_json_named::<AttachRequest>("attach", text.as_bytes()).unwrap_err().to_string()
         };
         let param = |text: &str| {
-            from_json_called::<ParameterUpdate>("param", text.as_bytes()).unwrap_err().to_string()
+            from_json_named::<ParameterUpdate>("param", text.as_bytes()).unwrap_err().to_string()
         };
-        for (told, expected) in [
+        for (error, expected) in [
             (attach("{}"), "attach: expected the field `client`, found none (line 1, column 2)"),
             (
                 attach(r#"{"client": 3}"#),
@@ -169,7 +168,7 @@ mod tests {
                 "param: expected JSON, found EOF while parsing an object (line 1, column 15)",
             ),
         ] {
-            assert_eq!(told, expected);
+            assert_eq!(error, expected);
         }
     }
 }

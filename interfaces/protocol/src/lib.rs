@@ -1,10 +1,10 @@
-//! The words of Ballast on every wire and in every recording: messages, and how they become bytes.
+//! Protocol of served components and recordings: messages, their encodings, and the rules of their exchange.
 //!
-//! [`lockstep`]: who may ask for what, in which order, and what is answered to a retry.
-//! [`messages`]: the types, their ROS 2 definitions, and conversions from and to the core.
-//! [`cdr`]: messages as CDR. [`json`]: messages as JSON. [`description`]: what a component says of itself.
-//! [`pacer`]: time that runs by itself. [`pictures`]: states for viewers.
-//! [`schema`]: the JSON Schema of all that is asked and answered. No I/O here.
+//! [`lockstep`]: ownership, the sequence of windows, and repeated replies.
+//! [`messages`]: message types, their ROS 2 definitions, and conversions from and to the core.
+//! [`cdr`] and [`json`]: encodings. [`description`]: static description of a component.
+//! [`pacer`] and [`real_time`]: real-time mode. [`visualization`]: states for viewers.
+//! [`schema`]: JSON Schema of requests and replies. The crate does no I/O.
 
 pub mod cdr;
 pub mod description;
@@ -12,11 +12,12 @@ pub mod json;
 pub mod lockstep;
 pub mod messages;
 pub mod pacer;
-pub mod pictures;
+pub mod real_time;
 pub mod schema;
+pub mod visualization;
 
-mod malformed;
+mod message_error;
 
 pub use cdr::{from_cdr, to_cdr};
-pub use json::{from_json, from_json_called, to_json};
-pub use malformed::MessageError;
+pub use json::{from_json, from_json_named, to_json};
+pub use message_error::MessageError;

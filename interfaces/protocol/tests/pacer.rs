@@ -53,21 +53,21 @@ impl Running {
     /// Does what is due at a wall time; what comes after that.
     fn work(&mut self, wall_ns: u64) -> NextAction {
         loop {
-            let NextAction::Compute { t1_ns, motions } = self.pacer.due(wall_ns) else {
-                return self.pacer.due(wall_ns);
+            let NextAction::Compute { t1_ns, motions } = self.pacer.next_action(wall_ns) else {
+                return self.pacer.next_action(wall_ns);
             };
             let request = AdvanceRequest { motions, ..AdvanceRequest::default() };
             let inputs = request.inputs().expect("good inputs");
             self.component.advance_to(t1_ns, &inputs.motions[..]).expect("a good window");
             self.windows.push((t1_ns, wall_ns));
             self.motions.extend(request.motions);
-            self.pacer.done(self.component.now_ns());
+            self.pacer.window_finished(self.component.now_ns());
         }
     }
 
     fn status(&self, wall_ns: u64) -> StatusReport {
         let mut status = StatusReport { owner: Some("driver".into()), ..StatusReport::default() };
-        self.pacer.tell(&mut status, wall_ns);
+        self.pacer.write_status(&mut status, wall_ns);
         status
     }
 }
@@ -84,7 +84,7 @@ fn time_keeps_its_pace_and_the_latency() {
     let begin = 7_000_000_000_000;
     for k in 0..100 {
         let wall = 10 * MS + k * 2 * MS;
-        run.pacer.take("floor", shaken::floor((begin + k * MS) as i64), wall);
+        run.pacer.add_sample("floor", shaken::floor((begin + k * MS) as i64), wall);
         let next = run.work(wall);
         assert_eq!(next, NextAction::WaitUntil(wall + 2 * MS), "{k}");
     }
@@ -108,9 +108,9 @@ fn a_sample_from_before_the_run_does_not_shift_the_time_of_all() {
         let mut run = Running::new(asked());
         for k in 0..100 {
             let wall = 10 * MS + k * 2 * MS;
-            run.pacer.take("floor", shaken::floor(begin + (k * MS) as i64), wall);
+            run.pacer.add_sample("floor", shaken::floor(begin + (k * MS) as i64), wall);
             if let Some(old) = old.filter(|_| k == 50) {
-                run.pacer.take("floor", shaken::floor(old), wall);
+                run.pacer.add_sample("floor", shaken::floor(old), wall);
             }
             run.work(wall);
         }
@@ -141,7 +141,7 @@ fn what_comes_early_or_late_within_the_latency_changes_nothing() {
         events.sort();
         for (wall, event) in events {
             if let Some(k) = event {
-                run.pacer.take("floor", shaken::floor((k * MS) as i64), wall);
+                run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), wall);
             }
             run.work(wall);
         }
@@ -162,7 +162,7 @@ fn what_comes_early_or_late_within_the_latency_changes_nothing() {
 fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
     let mut run = Running::new(asked());
     for k in 0..50 {
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     let last = 49 * 2 * MS;
@@ -189,7 +189,7 @@ fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
     let back = last + 10_000 * MS;
     for k in 0..50 {
         let wall = back + k * 2 * MS;
-        run.pacer.take("floor", shaken::floor((5_049 * MS + k * MS) as i64), wall);
+        run.pacer.add_sample("floor", shaken::floor((5_049 * MS + k * MS) as i64), wall);
         run.work(wall);
     }
     // Windows go on from where it stood, at the old pace: `advance_to` has refused no jump.
@@ -205,15 +205,15 @@ fn all_bodies_must_be_heard_of_and_set_the_time_together() {
     let west = |time_ns: i64| MotionKnot { time_ns, pose: wall_at.into(), twist: Twist::default() };
     // One of them alone: time stands, however much it says.
     for k in 0..3000 {
-        run.pacer.take("floor", shaken::floor((k * MS) as i64 % 1000), k * 2 * MS);
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64 % 1000), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         assert_eq!(run.work(k * 2 * MS), NextAction::WaitForSamples);
     }
     assert!(run.status(6_000 * MS).waiting_for.unwrap().contains("west"));
     // The other one joins, by the same clock: both go on together.
     for k in 3000..3050 {
-        run.pacer.take("west", west((k * MS) as i64), k * 2 * MS);
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("west", west((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     assert!(run.windows.len() >= 40, "{}", run.windows.len());
@@ -231,8 +231,8 @@ fn bodies_that_are_told_of_in_turn_may_be_farther_apart_than_the_latency() {
         let wall = 10 * MS + k * 15 * MS;
         let time_ns = (k * 15 * MS / 2) as i64;
         match k % 2 {
-            0 => run.pacer.take("floor", still(time_ns), wall),
-            _ => run.pacer.take("west", west(time_ns), wall),
+            0 => run.pacer.add_sample("floor", still(time_ns), wall),
+            _ => run.pacer.add_sample("west", west(time_ns), wall),
         }
         run.work(wall);
     }
@@ -244,12 +244,12 @@ fn bodies_that_are_told_of_in_turn_may_be_farther_apart_than_the_latency() {
 fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
     let mut run = Running::new(asked());
     for k in 0..20 {
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     // The machine is busy elsewhere for half a second; samples come all the while.
     for k in 20..270 {
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
     }
     let before = run.component.now_ns();
     assert_eq!(run.work(540 * MS), NextAction::WaitForSamples);
@@ -258,7 +258,7 @@ fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
         (1, before)
     );
     for k in 270..300 {
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     assert_eq!(run.component.now_ns(), before + 29 * MS);
@@ -268,17 +268,17 @@ fn who_cannot_keep_the_pace_takes_up_the_samples_of_now() {
 fn samples_of_no_use_are_dropped_within_bounded_memory() {
     let mut run = Running::new(asked());
     for k in 0..2 * MAX_SAMPLES_PER_BODY as u64 {
-        run.pacer.take("floor", shaken::floor((k * 500) as i64), 0);
+        run.pacer.add_sample("floor", shaken::floor((k * 500) as i64), 0);
     }
     let mut bad = shaken::floor(MS as i64 * 1000);
     bad.pose.position.x = f64::NAN;
-    run.pacer.take("floor", bad, 0);
+    run.pacer.add_sample("floor", bad, 0);
     bad = shaken::floor(MS as i64 * 1000);
     bad.pose.orientation.w = 3.0;
-    run.pacer.take("floor", bad, 0);
-    run.pacer.take("ceiling", shaken::floor(0), 0);
-    run.pacer.take("floor", shaken::floor(i64::MIN), 0);
-    run.pacer.take("floor", shaken::floor(i64::MAX), 0);
+    run.pacer.add_sample("floor", bad, 0);
+    run.pacer.add_sample("ceiling", shaken::floor(0), 0);
+    run.pacer.add_sample("floor", shaken::floor(i64::MIN), 0);
+    run.pacer.add_sample("floor", shaken::floor(i64::MAX), 0);
     let dropped = run.status(0).real_time.unwrap().dropped_samples;
     assert!(dropped >= MAX_SAMPLES_PER_BODY as u64 + 5, "{dropped}");
     run.work(MS);
@@ -325,15 +325,15 @@ fn a_sample_from_far_ahead_does_not_hide_that_nothing_is_heard() {
     for ahead in [hour, 60] {
         let mut run = Running::new(asked());
         for k in 0..20 {
-            run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+            run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
         let still = MotionKnot { time_ns: (ahead * MS) as i64, ..shaken::floor(19 * MS as i64) };
-        run.pacer.take("floor", MotionKnot { twist: Twist::default(), ..still }, 39 * MS);
+        run.pacer.add_sample("floor", MotionKnot { twist: Twist::default(), ..still }, 39 * MS);
         assert_eq!(run.status(39 * MS).real_time.unwrap().dropped_samples, 1);
         // What came after it is followed; then nothing comes.
         for k in 20..30 {
-            run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+            run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
         assert_eq!(run.component.now_ns(), 29 * MS);
@@ -348,7 +348,7 @@ fn silence_counts_although_there_are_samples_for_a_while() {
     let mut run =
         Running::new(RealTimeMode { latency_ns: 500 * MS, max_sample_age_ms: 200, ..asked() });
     for k in 0..10 {
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
     }
     let mut wall = 18 * MS;
     while let NextAction::WaitUntil(at) = run.work(wall) {
@@ -360,7 +360,7 @@ fn silence_counts_although_there_are_samples_for_a_while() {
     assert_eq!(run.work(2 * wall), NextAction::WaitForSamples);
     // It goes on with the next words.
     for k in 300..310 {
-        run.pacer.take("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
+        run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
     }
     assert_eq!(run.status(620 * MS).state, ComponentState::Running);
@@ -381,7 +381,7 @@ fn jumps_of_a_held_body_that_add_up_to_too_much_are_dropped() {
             knot.time_ns = (k * MS / 10) as i64;
             // There and back.
             knot.pose.position.y += share * most * if k / 100 % 2 == 0 { 1.0 } else { -1.0 };
-            run.pacer.take("floor", knot, wall);
+            run.pacer.add_sample("floor", knot, wall);
             run.work(wall);
         }
         assert_eq!(run.status(210 * MS).real_time.unwrap().dropped_samples > 0, dropped, "{share}");
@@ -395,10 +395,10 @@ fn a_sample_that_would_end_the_run_is_dropped() {
         for k in 0..100 {
             let wall = 10 * MS + k * 2 * MS;
             let good = shaken::floor((k * MS) as i64);
-            run.pacer.take("floor", good, wall);
+            run.pacer.add_sample("floor", good, wall);
             let later = MotionKnot { time_ns: good.time_ns + MS as i64 / 2, ..good };
             if let Some(bad) = bad(later).filter(|_| k == 50) {
-                run.pacer.take("floor", bad, wall);
+                run.pacer.add_sample("floor", bad, wall);
             }
             run.work(wall);
         }
@@ -454,7 +454,7 @@ fn a_body_that_moves_goes_on_or_is_told() {
         let mut run = Running { component, pacer, windows: vec![], motions: vec![] };
         for k in 0..20 {
             // The sender knows of it: its sample lands the latency later.
-            run.pacer.take("floor", shaken::floor((30 * MS + k * MS) as i64), k * 2 * MS);
+            run.pacer.add_sample("floor", shaken::floor((30 * MS + k * MS) as i64), k * 2 * MS);
             run.work(k * 2 * MS);
         }
         assert_eq!(run.component.now_ns(), (25 + 19) * MS);

@@ -8,8 +8,8 @@ use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyLoad, BodyMotion, BodySeries, MotionKnot, SqueezeReport,
     StepSeries, Vector3, WrenchImpulse, WrenchKnot, ZoneMeasurement,
 };
-use ballast_protocol::pacer::RealTimeMode;
-use ballast_protocol::schema::control_plane;
+use ballast_protocol::real_time::RealTimeMode;
+use ballast_protocol::schema::control_plane_schema;
 use boon::{Compiler, SchemaIndex, Schemas};
 use serde::Serialize;
 use serde_json::{Value, json};
@@ -25,7 +25,7 @@ const URL: &str = "http://localhost/protocol.json";
 impl Validator {
     fn new() -> Self {
         let mut compiler = Compiler::new();
-        compiler.add_resource(URL, control_plane()).expect("a schema");
+        compiler.add_resource(URL, control_plane_schema()).expect("a schema");
         Self { schemas: Schemas::new(), compiler }
     }
 

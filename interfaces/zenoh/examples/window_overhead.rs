@@ -16,7 +16,7 @@ use ballast::state::State;
 use ballast_protocol::description::BodyDescription;
 use ballast_protocol::lockstep::Lockstep;
 use ballast_protocol::messages::{BodyMotion, Digest, InterpolationMode, MotionKnot, Pose, Twist};
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Client, Server, SessionConfig, Timeouts};
 use std::error::Error;
 use std::io::{BufRead, BufReader};

@@ -1,55 +1,57 @@
-//! What a client of a component is told when a request is not answered as it should be.
+//! Errors of clients.
 
 use ballast_protocol::MessageError;
 use ballast_protocol::lockstep::RequestError;
 
-/// Why there is no answer.
+/// Error of a request to a component.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// A component's name.
+    /// The name of the component is invalid.
     #[error("key: expected {expected}, found {found:?}")]
     InvalidName { expected: &'static str, found: String },
-    /// How to reach each other.
+    /// The transport failed, or its configuration is invalid.
     #[error("{place}: {reason}")]
     Transport { place: String, reason: String },
     /// The component has refused the request; nothing has changed there.
     #[error(transparent)]
     Rejected(#[from] RequestError),
-    /// The component is there, but has not answered within the time allowed. The request may be sent again:
-    /// what was done is not done twice.
-    #[error("{request}: no answer within {waited_s:.1} s, though {component} is there: {doing}")]
-    Timeout { request: String, component: String, waited_s: f64, doing: String },
-    /// The component is not there: neither alive nor telling what it does.
-    #[error("{request}: {component} is not there: not alive, and silent for {silent_s:.1} s{hint}")]
+    /// The component is alive, but has not replied within the timeout. Repeating the request is safe.
+    #[error(
+        "{request}: no reply within {waited_s:.1} s, although {component} is alive: {activity}"
+    )]
+    Timeout { request: String, component: String, waited_s: f64, activity: String },
+    /// The component is disconnected: it has no liveliness token and publishes no heartbeat.
+    #[error("{request}: {component} is disconnected: no heartbeat for {silent_s:.1} s{hint}")]
     Disconnected { request: String, component: String, silent_s: f64, hint: &'static str },
-    /// The caller has given up waiting; the request may be sent again, as after [`Error::Timeout`].
-    #[error("{request}: given up after {waited_s:.1} s; {component} goes on with it")]
+    /// The caller has cancelled the wait; repeating the request is safe, as after [`Error::Timeout`].
+    #[error("{request}: cancelled after {waited_s:.1} s; {component} continues with it")]
     Cancelled { request: String, component: String, waited_s: f64 },
-    /// The run was continued by someone else, or lost more than can be computed again: so says every call that would go
-    /// on from where it was left, until a kept state is restored or a run begun.
+    /// Another client has changed the run, or it has lost windows that cannot be repeated.
+    ///
+    /// Every call that continues the run fails until a state is restored or a new run is started.
     #[error("{component}, run {run_id}: expected {expected}, found {found}")]
     Diverged { component: String, run_id: String, expected: String, found: String },
-    /// An answer that is none.
-    #[error("answer to {request}: {what}")]
+    /// The reply cannot be decoded.
+    #[error("reply to {request}: {what}")]
     BadReply { request: String, what: String },
 }
 
 impl Error {
-    pub(crate) fn link(place: impl Into<String>, reason: impl ToString) -> Self {
+    pub(crate) fn transport(place: impl Into<String>, reason: impl ToString) -> Self {
         Self::Transport { place: place.into(), reason: without_sources(&reason.to_string()) }
     }
 
-    /// An answer that cannot be used.
-    pub fn answer(request: &str, what: impl ToString) -> Self {
+    /// Creates the error of an undecodable reply.
+    pub fn bad_reply(request: &str, what: impl ToString) -> Self {
         Self::BadReply { request: request.into(), what: what.to_string() }
     }
 
-    /// A request of one's own that cannot be written: nothing was asked, as if it had been refused.
-    pub(crate) fn unwritten(request: &str, fault: MessageError) -> Self {
+    /// Creates the error of a request that cannot be encoded and was not sent.
+    pub(crate) fn unencodable(request: &str, fault: MessageError) -> Self {
         RequestError { message: format!("{request}: {fault}"), ..fault.into() }.into()
     }
 
-    /// Short name of the kind, as codes of refusals are.
+    /// Returns the code of the error; for a rejected request, the code of the component.
     pub fn code(&self) -> String {
         match self {
             Self::InvalidName { .. } => "invalid_name".into(),
@@ -63,7 +65,7 @@ impl Error {
         }
     }
 
-    /// The component's refusal, if it is one.
+    /// Returns the error of the component, if it rejected the request.
     pub fn request_error(&self) -> Option<&RequestError> {
         match self {
             Self::Rejected(fault) => Some(fault),
@@ -72,7 +74,7 @@ impl Error {
     }
 }
 
-/// A reason without the places in Zenoh's source code, which it names as `at FILE.rs:LINE.`.
+/// Removes the source locations of Zenoh, `at FILE.rs:LINE.`, from a message.
 fn without_sources(text: &str) -> String {
     let mut parts = text.split(" at ");
     let mut reason = parts.next().unwrap_or_default().to_string();

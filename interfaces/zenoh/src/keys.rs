@@ -1,14 +1,14 @@
-//! The key expressions of a component: `ballast/1/<site>/<id>/…`.
+//! Key expressions of a component: `ballast/1/<site>/<id>/…`.
 
 use crate::Error;
 
-/// Major version of the messages.
+/// Major version of the protocol.
 pub use ballast_protocol::description::PROTOCOL_VERSION as VERSION;
 
-/// The parameter of a `describe` query that asks for the schema of requests and replies.
+/// Parameter of a `describe` query that requests the JSON Schema.
 pub(crate) const SCHEMA: &str = "schema";
 
-/// The names of one component.
+/// Key expressions of one component.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Keys {
     name: String,
@@ -16,10 +16,10 @@ pub struct Keys {
 }
 
 impl Keys {
-    /// Of the component `site/id`; both parts are letters, digits, `-`, `_` and `.`.
+    /// Creates the keys of the component `site/id`; both parts consist of letters, digits, `-`, `_` and `.`.
     ///
     /// # Errors
-    /// Anything else.
+    /// [`Error::InvalidName`].
     pub fn of(name: &str) -> Result<Self, Error> {
         let parts: Vec<&str> = name.split('/').collect();
         let good = |p: &&str| {
@@ -32,96 +32,96 @@ impl Keys {
         Err(Error::InvalidName { expected, found: name.into() })
     }
 
-    /// `site/id`.
+    /// Returns the name `site/id`.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// Liveliness of the component in a run.
+    /// Returns the key of the liveliness token of a run.
     pub fn alive(&self, run_id: &str) -> String {
         format!("{}/alive/{run_id}", self.base)
     }
 
-    /// Liveliness of the component in any run.
+    /// Returns the pattern of the liveliness tokens of all runs.
     pub fn alive_any(&self) -> String {
         format!("{}/alive/*", self.base)
     }
 
-    /// Liveliness of a client that drives or wants to.
+    /// Returns the key of the liveliness token of a client.
     pub fn owner(&self, client: &str) -> String {
         format!("{}/owner/{client}", self.base)
     }
 
-    /// Liveliness of any such client.
+    /// Returns the pattern of the liveliness tokens of all clients.
     pub fn owner_any(&self) -> String {
         format!("{}/owner/*", self.base)
     }
 
-    /// What the component says of itself.
+    /// Returns the key of the description.
     pub fn describe(&self) -> String {
         format!("{}/describe", self.base)
     }
 
-    /// A request: `attach`, `advance`, …
+    /// Returns the key of a request: `attach`, `advance`, …
     pub fn control(&self, verb: &str) -> String {
         format!("{}/ctl/{verb}", self.base)
     }
 
-    /// All requests.
+    /// Returns the pattern of all requests.
     pub fn control_any(&self) -> String {
         format!("{}/ctl/*", self.base)
     }
 
-    /// Where a body's motion comes in while time runs by itself.
+    /// Returns the key of a body's motion samples in real-time mode.
     pub fn input(&self, body: &str) -> String {
-        format!("{}/in/{}/motion", self.base, chunk(body))
+        format!("{}/in/{}/motion", self.base, key_segment(body))
     }
 
-    /// Where any body's motion comes in.
+    /// Returns the pattern of the motion samples of all bodies.
     pub(crate) fn input_any(&self) -> String {
         format!("{}/in/*/motion", self.base)
     }
 
-    /// Pictures: `grains`, `scene`.
-    pub fn picture(&self, what: &str) -> String {
+    /// Returns the key of a visualization: `grains` or `scene`.
+    pub fn visualization(&self, what: &str) -> String {
         format!("{}/viz/{what}", self.base)
     }
 
-    /// All that is told.
+    /// Returns the pattern of all published keys.
     pub fn out_any(&self) -> String {
         format!("{}/out/**", self.base)
     }
 
-    /// What is told of the component: `clock`, `status`, …
+    /// Returns a published key of the component: `clock`, `status`, …
     pub fn out(&self, what: &str) -> String {
         format!("{}/out/{what}", self.base)
     }
 
-    /// What is told of a body: `pose`, `twist`, `wrench`, `impulse`.
+    /// Returns a published key of a body: `pose`, `twist`, `wrench`, `impulse`.
     pub fn out_body(&self, body: &str, what: &str) -> String {
-        format!("{}/out/{}/{what}", self.base, chunk(body))
+        format!("{}/out/{}/{what}", self.base, key_segment(body))
     }
 
-    /// What is told of the squeezes of a pair of tines.
+    /// Returns the published key of the squeezes of a pair of tines.
     pub fn out_squeeze(&self, pair: &str) -> String {
-        format!("{}/out/squeeze/{}", self.base, chunk(pair))
+        format!("{}/out/squeeze/{}", self.base, key_segment(pair))
     }
 
-    /// What is told of a zone of the bed.
+    /// Returns the published key of a zone of the bed.
     pub fn out_zone(&self, zone: &str) -> String {
-        format!("{}/out/zone/{}", self.base, chunk(zone))
+        format!("{}/out/zone/{}", self.base, key_segment(zone))
     }
 }
 
-/// A name as a part of a key: what has a meaning in keys becomes `_`.
-pub(crate) fn chunk(name: &str) -> String {
+/// Converts a name to a key segment: characters with a meaning in keys become `_`.
+pub(crate) fn key_segment(name: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
     let chunk: String = name.chars().map(plain).collect();
     if chunk.is_empty() { "_".into() } else { chunk }
 }
 
-/// The last part of a key.
-pub(crate) fn last(key: &str) -> &str {
+/// Returns the last segment of a key.
+pub(crate) fn last_segment(key: &str) -> &str {
     key.rsplit('/').next().unwrap_or(key)
 }
 
@@ -132,8 +132,8 @@ mod tests {
     #[test]
     fn names_that_would_be_patterns_are_refused() {
         for bad in ["", "site", "/id", "site/", "a/b/c", "a/*", "a/$x", "a b/c", "ä/b", "a/?"] {
-            let told = Keys::of(bad).unwrap_err().to_string();
-            assert!(told.contains("SITE/ID") && told.contains(bad), "{told}");
+            let error = Keys::of(bad).unwrap_err().to_string();
+            assert!(error.contains("SITE/ID") && error.contains(bad), "{error}");
         }
         let keys = Keys::of("yard/ballast-1").unwrap();
         assert_eq!(keys.control("advance"), "ballast/1/yard/ballast-1/ctl/advance");

@@ -1,14 +1,13 @@
-//! Ballast over Zenoh: a component that is stepped from another process, and the client that steps it.
+//! Coupling over Zenoh: a server that steps a component for another process, and the client of it.
 //!
-//! [`link`]: how processes find each other, on the loopback unless told otherwise. [`server`]: carries
-//! requests to the lockstep of `ballast-protocol` and its answers back. [`client`]: the other end, with
-//! retries. [`keys`]: the names under which all this is found.
+//! [`session`]: endpoints and Zenoh configuration, on the loopback by default. [`server`]: passes requests to the
+//! lockstep of `ballast-protocol`. [`client`]: sends requests, with retries. [`keys`]: key expressions.
 
 pub mod client;
 pub mod error;
 pub mod keys;
-pub mod link;
 pub mod server;
+pub mod session;
 
 mod wire;
 
@@ -16,31 +15,31 @@ pub use ballast_protocol::description::ComponentDescription;
 pub use client::{Client, Connection, Timeouts};
 pub use error::Error;
 pub use keys::Keys;
-pub use link::{Purpose, SessionConfig};
 pub use server::{Server, ServerHooks};
+pub use session::{Purpose, SessionConfig};
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// Between two signs of life of a component.
+/// Time between two heartbeats of a component.
 pub const HEARTBEAT_INTERVAL: Duration = Duration::from_millis(500);
-/// A component that is not alive and silent for so long is lost: three heartbeats.
+/// Default time without heartbeat and liveliness token after which a component counts as disconnected.
 pub const DISCONNECT_TIMEOUT: Duration =
     Duration::from_millis(3 * HEARTBEAT_INTERVAL.as_millis() as u64);
-/// Largest message that is taken, bytes. A window of a hundred bodies with a thousand knots each has 11 MB.
+/// Maximum size of a message, bytes. A window of a hundred bodies with a thousand knots each has 11 MB.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
 
-/// 128 random bits as hexadecimal digits.
+/// Returns 128 random bits as hexadecimal digits.
 ///
 /// # Errors
-/// The system gives none.
+/// The system provides no random numbers.
 pub fn random() -> Result<String, Error> {
     let mut bytes = [0; 16];
-    getrandom::fill(&mut bytes).map_err(|e| Error::link("random numbers", e))?;
+    getrandom::fill(&mut bytes).map_err(|e| Error::transport("random numbers", e))?;
     Ok(format!("{:032x}", u128::from_be_bytes(bytes)))
 }
 
-/// What a panic elsewhere has left is as good as before: nothing here is half written.
-pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+/// Locks a mutex, also after a panic of another thread: no value is ever partly written.
+pub(crate) fn lock_unpoisoned<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

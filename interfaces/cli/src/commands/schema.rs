@@ -6,7 +6,7 @@ use serde_json::json;
 
 pub fn schema(protocol: bool, console: Console) -> Result {
     let schema = match protocol {
-        true => ballast_protocol::schema::control_plane(),
+        true => ballast_protocol::schema::control_plane_schema(),
         false => ballast_scenario::schema(),
     };
     let text = serde_json::to_string_pretty(&schema)

@@ -7,7 +7,7 @@ use crate::exit::{Failure, Outcome};
 use crate::table::on_threads;
 use ballast_hdf5::checkpoint;
 use ballast_protocol::lockstep::{ComponentState, empty_model};
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Connection, Server, SessionConfig, Timeouts};
 use serde_json::json;
 use std::path::Path;

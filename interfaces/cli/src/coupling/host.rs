@@ -75,7 +75,7 @@ impl Keeper {
     }
 
     /// The case with other choices, and its bed.
-    fn prepare(&self, ask: &InitRequest) -> Outcome<(Case, Component)> {
+    fn prepare_bed(&self, ask: &InitRequest) -> Outcome<(Case, Component)> {
         let asked = CaseOverrides::from_names(ask.seed, ask.schedule.as_deref())
             .map_err(|e| Failure::Usage(e.to_string()))?;
         let choices = asked.or(self.choices);
@@ -122,7 +122,7 @@ impl ServerHooks for Keeper {
         self.console.event("ready", ready);
     }
 
-    fn keep(&mut self, lockstep: &Lockstep) -> bool {
+    fn write_checkpoint(&mut self, lockstep: &Lockstep) -> bool {
         if !lockstep.is_configured() {
             return false;
         }
@@ -143,7 +143,7 @@ impl ServerHooks for Keeper {
         kept
     }
 
-    fn computed(
+    fn window_computed(
         &mut self,
         lockstep: &Lockstep,
         kind: WindowKind,
@@ -154,27 +154,27 @@ impl ServerHooks for Keeper {
         // A redo leads elsewhere with the same number.
         self.is_due |= kind == WindowKind::Redo && self.holds(request);
         self.recorded(|recording| recording.window(lockstep, kind, request, reply));
-        (self.is_due || self.written.elapsed() >= self.every) && self.keep(lockstep)
+        (self.is_due || self.written.elapsed() >= self.every) && self.write_checkpoint(lockstep)
     }
 
-    fn rests(&mut self, lockstep: &Lockstep) -> bool {
+    fn idle(&mut self, lockstep: &Lockstep) -> bool {
         // Not as often as it is asked: one that cannot be written is not tried at every turn.
         let every = self.every.max(REST);
-        !self.is_current && self.written.elapsed() >= every && self.keep(lockstep)
+        !self.is_current && self.written.elapsed() >= every && self.write_checkpoint(lockstep)
     }
 
-    fn changed(&mut self) {
+    fn parameters_changed(&mut self) {
         self.outdate();
     }
 
-    fn run_replaced(&mut self, lockstep: &Lockstep) {
+    fn state_replaced(&mut self, lockstep: &Lockstep) {
         self.outdate();
         let case = self.case.clone();
         self.recorded(|recording| recording.part(&case, lockstep));
     }
 
-    fn init(&mut self, ask: &InitRequest) -> Result<Component, RequestError> {
-        let prepared = self.prepare(ask).map_err(|failure| {
+    fn prepare(&mut self, ask: &InitRequest) -> Result<Component, RequestError> {
+        let prepared = self.prepare_bed(ask).map_err(|failure| {
             let code = if interrupt::requested() {
                 ErrorCode::ShuttingDown
             } else {
@@ -191,7 +191,7 @@ impl ServerHooks for Keeper {
         Ok(component)
     }
 
-    fn note(&mut self, text: &str) {
+    fn log(&mut self, text: &str) {
         self.console.note(text);
         self.console.event("note", json!({ "text": text }));
     }

@@ -39,9 +39,9 @@ fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
     let mut extra = BTreeMap::from([(RUN_ID.into(), place.run_id)]);
     extra.insert(SEQ.into(), place.seq.to_string());
     extra.insert(PENETRATION.into(), component.parameters().penetration.to_string());
-    let memory = lockstep.memory();
+    let memory = lockstep.resume_info();
     extra.insert(CLIENT.into(), memory.last_client);
-    extra.insert(OWNERS.into(), memory.owners.to_string());
+    extra.insert(OWNERS.into(), memory.owner_count.to_string());
     if memory.is_outdated {
         extra.insert(OUTDATED.into(), true.to_string());
     }
@@ -85,7 +85,7 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
         answered: answered(notes).map_err(|e| Failure::at(path, e))?,
         is_outdated: notes.contains_key(OUTDATED),
         last_client: note(CLIENT)?.clone(),
-        owners: owners.parse().map_err(|_| no_number(OWNERS, owners))?,
+        owner_count: owners.parse().map_err(|_| no_number(OWNERS, owners))?,
     };
     let solver = &kept.model.solver;
     let (iterations, tolerance) = (solver.max_iterations, solver.tolerance);

@@ -72,7 +72,7 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
     }
     let mut keeper = Keeper::new(&args, case, checkpoint, recording, console);
     // A component that dies before its first checkpoint comes back as the same run.
-    if !resumes && keeper.keep(&lockstep) {
+    if !resumes && keeper.write_checkpoint(&lockstep) {
         lockstep.note_durable();
     }
     let lockstep = server.run(lockstep, &mut keeper)?;

@@ -8,7 +8,7 @@ use crate::lock::enter;
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::{StatusReport, WindowProgress};
 use ballast_protocol::messages::{Message, SolverStats, WrenchImpulse};
-use ballast_protocol::pacer::RealTimeStatus;
+use ballast_protocol::real_time::RealTimeStatus;
 use ballast_zenoh::{Connection, HEARTBEAT_INTERVAL, Timeouts};
 use serde_json::json;
 use std::collections::BTreeMap;

@@ -36,7 +36,7 @@ fn times(normally: u64) -> u64 {
 
 /// An endpoint that was free a moment ago; a component that is started again needs the same one.
 pub fn endpoint() -> String {
-    ballast_zenoh::link::free_endpoint().unwrap()
+    ballast_zenoh::session::free_endpoint().unwrap()
 }
 
 /// `ballast serve tiny.toml`, running.

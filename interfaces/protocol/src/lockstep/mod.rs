@@ -1,176 +1,177 @@
-//! Lockstep: one owner, windows in sequence, every request answered once and its answer kept.
+//! Lockstep coupling: one owner, windows in sequence, every request answered exactly once.
 //!
-//! Reads: requests, the wall clock as given. Writes: a component. No transport: whoever carries the messages
-//! calls these functions one after the other.
+//! Reads: requests, the wall clock. Writes: a component. No transport: the caller passes requests one after another.
 //!
 //! Contract:
-//! * Only the owner's ticket changes the state.
-//! * `advance` with the next number at the present time computes. The last number with the same content gives
-//!   the kept reply again, so a retry is always safe. Anything else is refused and tells the number.
+//! * Only requests with the owner's ticket change the state.
+//! * `advance` with the next number and the current time computes a window. The last number with the same content
+//!   returns the stored reply, so a retry is always safe. Any other number is refused with the expected one.
 //! * `redo` with the last number computes the window again from its beginning.
-//! * What was refused, and what was discarded, leaves the state to the bit.
-//! * A panic inside does not get out: the component is then in error until it is restored or reset.
+//! * A refused request and a discarded window leave the state bitwise unchanged.
+//! * A panic is caught: the component is then in the error state until `restore` or `reset`.
 
 mod control;
-mod cost;
-mod fault;
+mod error;
 mod owner;
-mod state;
-mod verb;
+mod request_kind;
+mod run_control;
+mod saved_states;
+mod timing;
 mod window;
 
 pub use control::{
     AttachReply, AttachRequest, ComponentState, InitRequest, ParameterUpdate, RunPosition,
     StateName, StatusReport, WindowProgress,
 };
-pub use cost::{WallClock, WindowTiming};
-pub use fault::{ErrorCode, ErrorDetails, RequestError, panic_message};
+use error::check_name;
+pub use error::{ErrorCode, ErrorDetails, MAX_NAME_BYTES, RequestError, panic_message};
 pub use owner::Ownership;
-use state::SavedStates;
-pub use state::{SavedState, empty_model};
-pub use verb::RequestKind;
-pub use window::{WindowControl, WindowKind, WindowPoll};
+pub use request_kind::{RequestKind, WindowKind};
+pub use run_control::empty_model;
+use saved_states::SavedStates;
+pub use saved_states::{MAX_SAVED_STATES, SavedState};
+pub use timing::{WallClock, WindowTiming};
+pub use window::{WindowControl, WindowPoll};
 
 use crate::messages::{AdvanceReply, Digest, StateHash};
 use ballast::component::Component;
 use ballast::model::Model;
 use ballast::state::State;
 
-/// Most states kept under a name.
-pub const MAX_SAVED_STATES: usize = 64;
-/// Longest name of a client or a state, bytes.
-pub const MAX_NAME_BYTES: usize = 200;
-
-/// What is kept beside the state in a checkpoint: with it a retry of the last window is safe, and nobody takes what
-/// another one has driven for its own.
+/// Data of a checkpoint, besides the state, that a resumed run needs.
+///
+/// It makes a retry of the last window safe, and lets a returning owner notice that another client was the owner.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResumeInfo {
-    /// What the last window was answered, under the digest of its request.
+    /// Reply to the last window, with the digest of its request.
     pub answered: Option<(Digest, AdvanceReply)>,
-    /// Other parameters were set since.
+    /// True if parameters were changed after the last window.
     pub is_outdated: bool,
-    /// The client that has driven last, and how many have one after another.
+    /// Most recent owner.
     pub last_client: String,
-    pub owners: u64,
+    /// Number of owners so far.
+    pub owner_count: u64,
 }
 
-/// A component with an owner.
+/// Component that an owner advances in lockstep.
 pub struct Lockstep {
     component: Component,
     run_id: String,
-    /// Where reset goes.
+    /// State that `reset` returns to.
     start: SavedState,
-    hash: fn(&Model, &State) -> u128,
-    /// Of the present state: taken when it changes, since a state is large and asked about often.
-    hash_now: StateHash,
+    hash_function: fn(&Model, &State) -> u128,
+    /// Hash of the current state, updated when the state changes.
+    state_hash: StateHash,
     seq: u64,
-    /// Content of the last window's request, and its reply.
+    /// Digest of the last window's request, and its reply.
     answered: Option<(Digest, AdvanceReply)>,
-    /// Other parameters were set since.
+    /// True if parameters were changed after the last window.
     is_outdated: bool,
-    kept: SavedStates,
+    saved: SavedStates,
     owner: Ownership,
-    /// What failed inside.
+    /// Message of the internal error that has put the component into the error state.
     failure: Option<String>,
-    /// Whether there is anything to step.
+    /// True once a bed has been prepared.
     is_configured: bool,
-    is_quitting: bool,
+    is_shutting_down: bool,
     durable_seq: u64,
     computed_windows: u64,
-    /// Of the last window.
-    cost: Option<WindowTiming>,
-    /// Since when nothing was asked, wall ms.
+    last_timing: Option<WindowTiming>,
+    /// Wall time of the last request, ms.
     idle_since_ms: u64,
 }
 
 impl Lockstep {
-    /// A run that begins where `component` is; `hash` fingerprints states.
+    /// Starts a run at the current state of `component`; `hash` computes state hashes.
     pub fn new(
         component: Component,
         run_id: impl Into<String>,
         hash: fn(&Model, &State) -> u128,
     ) -> Self {
         let start = SavedState::of(&component);
-        let hash_now = hash(component.model(), component.state()).into();
+        let state_hash = hash(component.model(), component.state()).into();
         Self {
             component,
             run_id: run_id.into(),
             start,
-            hash,
-            hash_now,
+            hash_function: hash,
+            state_hash,
             seq: 0,
             answered: None,
             is_outdated: false,
-            kept: SavedStates::default(),
+            saved: SavedStates::default(),
             owner: Ownership::default(),
             failure: None,
             is_configured: true,
-            is_quitting: false,
+            is_shutting_down: false,
             durable_seq: 0,
             computed_windows: 0,
-            cost: None,
+            last_timing: None,
             idle_since_ms: 0,
         }
     }
 
-    /// Takes up a run of which a checkpoint was kept after window `seq`, with its `memory`; reset still goes to where the
-    /// component was.
+    /// Resumes a run from its checkpoint after window `seq`; `reset` still returns to the initial state.
     ///
     /// # Errors
-    /// A state of another model, parameters that cannot be used.
+    /// A state of another model, or invalid parameters.
     pub fn resume(
         &mut self,
         run_id: impl Into<String>,
         seq: u64,
-        kept: SavedState,
-        memory: ResumeInfo,
+        saved: SavedState,
+        info: ResumeInfo,
     ) -> Result<(), RequestError> {
-        kept.take_up(&mut self.component)?;
-        (self.run_id, self.seq, self.durable_seq) = (run_id.into(), seq, seq);
-        self.hash_again();
-        let ResumeInfo { answered, is_outdated, last_client, owners } = memory;
-        (self.answered, self.is_outdated) = (answered, is_outdated);
-        self.owner.remember(last_client, owners);
+        saved.restore_to(&mut self.component)?;
+        self.run_id = run_id.into();
+        self.seq = seq;
+        self.durable_seq = seq;
+        self.update_hash();
+        self.answered = info.answered;
+        self.is_outdated = info.is_outdated;
+        self.owner.set_history(info.last_client, info.owner_count);
         Ok(())
     }
 
-    /// Fingerprint of the present state.
-    pub fn hash_now(&self) -> StateHash {
-        self.hash_now
+    /// Returns the hash of the current state.
+    pub fn state_hash(&self) -> StateHash {
+        self.state_hash
     }
 
-    /// What is kept beside the state in a checkpoint.
-    pub fn memory(&self) -> ResumeInfo {
-        let (last_client, owners) = self.owner.history();
+    /// Returns the data that a checkpoint stores besides the state.
+    pub fn resume_info(&self) -> ResumeInfo {
+        let (last_client, owner_count) = self.owner.history();
         ResumeInfo {
             answered: self.answered.clone(),
             is_outdated: self.is_outdated,
             last_client: last_client.into(),
-            owners,
+            owner_count,
         }
     }
 
+    /// Returns the component.
     pub fn component(&self) -> &Component {
         &self.component
     }
 
-    /// Where the run stands.
+    /// Returns the position of the run.
     pub fn position(&self) -> RunPosition {
         RunPosition {
             run_id: self.run_id.clone(),
             seq: self.seq,
             now_ns: self.component.now_ns(),
-            hash: self.hash_now.to_string(),
+            hash: self.state_hash.to_string(),
         }
     }
 
-    fn hash_again(&mut self) {
-        self.hash_now = (self.hash)(self.component.model(), self.component.state()).into();
+    fn update_hash(&mut self) {
+        self.state_hash =
+            (self.hash_function)(self.component.model(), self.component.state()).into();
     }
 
-    /// What it is doing between windows.
+    /// Returns the status between two windows; `now_ms` is the wall time since the start.
     pub fn status(&self, now_ms: u64) -> StatusReport {
-        let state = match (&self.failure, self.is_quitting) {
+        let state = match (&self.failure, self.is_shutting_down) {
             (_, true) => ComponentState::ShuttingDown,
             _ if !self.is_configured => ComponentState::Unconfigured,
             (Some(_), false) => ComponentState::Error,
@@ -189,93 +190,92 @@ impl Lockstep {
             owner_since_ms: self.owner.since_ms(now_ms),
             waiting_for: Some(waiting),
             waiting_since_ms: Some(now_ms.saturating_sub(self.idle_since_ms)),
-            progress: None,
-            real_time: None,
             error: self.failure.clone(),
-            last_window: self.cost.clone(),
+            last_window: self.last_timing.clone(),
             durable_seq: self.durable_seq,
             uptime_ms: now_ms,
+            ..StatusReport::default()
         }
     }
 
-    /// How many windows were computed; a retry that is answered from memory does not count.
+    /// Returns the number of computed windows; replies repeated from the store do not count.
     pub fn computed_windows(&self) -> u64 {
         self.computed_windows
     }
 
-    /// Notes that a checkpoint of the present state is kept.
+    /// Records that a checkpoint of the current state has been written.
     pub fn note_durable(&mut self) {
         self.durable_seq = self.seq;
     }
 
-    /// The last window that survives a crash.
+    /// Returns the number of the last window that a checkpoint contains.
     pub fn durable_seq(&self) -> u64 {
         self.durable_seq
     }
 
-    /// The last window leads elsewhere now than where a checkpoint may have it.
-    fn lose_durable(&mut self) {
+    /// Excludes the last window from the durable ones, because the state has changed after the checkpoint.
+    fn invalidate_last_checkpoint(&mut self) {
         self.durable_seq = self.durable_seq.min(self.seq.saturating_sub(1));
     }
 
-    /// Makes the caller the owner; `ticket` is fresh and hard to guess.
+    /// Makes the client the owner; `ticket` must be new and hard to guess.
     ///
     /// # Errors
-    /// [`ErrorCode::Busy`] while another one drives, [`ErrorCode::WrongRun`], [`ErrorCode::ShuttingDown`].
+    /// [`ErrorCode::Busy`] if another client is the owner, [`ErrorCode::WrongRun`], [`ErrorCode::ShuttingDown`].
     pub fn attach(
         &mut self,
-        ask: &AttachRequest,
+        request: &AttachRequest,
         ticket: String,
         now_ms: u64,
     ) -> Result<AttachReply, RequestError> {
-        self.check_not_quitting()?;
-        check_name("client", &ask.client)?;
-        if let Some(resume) = &ask.run_id
-            && *resume != self.run_id
+        self.check_not_shutting_down()?;
+        check_name("client", &request.client)?;
+        if let Some(run_id) = &request.run_id
+            && *run_id != self.run_id
         {
-            return Err(self.wrong_run(resume));
+            return Err(self.wrong_run(run_id));
         }
-        let owner_count = self.owner.take(ask, &ticket, now_ms)?;
+        let owner_count = self.owner.attach(request, &ticket, now_ms)?;
         self.idle_since_ms = now_ms;
         Ok(AttachReply { ticket, owner_count, position: self.position() })
     }
 
-    /// The owner leaves; the run stays where it is.
+    /// Ends the ownership; the run stays at its position.
     ///
     /// # Errors
     /// [`ErrorCode::NotOwner`].
     pub fn detach(&mut self, ticket: &str) -> Result<RunPosition, RequestError> {
         self.owner.check(ticket)?;
-        self.owner.leave();
+        self.owner.detach();
         Ok(self.position())
     }
 
-    /// The transport has lost a client; whether it was the owner.
-    pub fn lost(&mut self, client: &str) -> bool {
-        self.owner.lose(client)
+    /// Ends the ownership of a disconnected client; returns true if it was the owner.
+    pub fn client_disconnected(&mut self, client: &str) -> bool {
+        self.owner.disconnect(client)
     }
 
-    /// Nothing more is computed.
+    /// Shuts the component down at the owner's request; no window is computed afterwards.
     ///
     /// # Errors
     /// [`ErrorCode::NotOwner`].
     pub fn shut_down(&mut self, ticket: &str) -> Result<RunPosition, RequestError> {
         self.check_owner(ticket)?;
-        self.quit();
+        self.stop();
         Ok(self.position())
     }
 
-    /// The same, at the wish of who runs the component.
-    pub fn quit(&mut self) {
-        self.is_quitting = true;
+    /// Shuts the component down without a request.
+    pub fn stop(&mut self) {
+        self.is_shutting_down = true;
     }
 
-    /// Whether there is anything to step yet.
+    /// Returns true once a bed has been prepared.
     pub fn is_configured(&self) -> bool {
         self.is_configured
     }
 
-    /// Who drives.
+    /// Returns the ownership.
     pub fn owner(&self) -> &Ownership {
         &self.owner
     }
@@ -284,35 +284,33 @@ impl Lockstep {
         self.owner.check(ticket)
     }
 
-    fn check_not_quitting(&self) -> Result<(), RequestError> {
-        if self.is_quitting {
-            return Err(RequestError::new(
-                ErrorCode::ShuttingDown,
-                "the component is being shut down",
-            ));
+    fn check_not_shutting_down(&self) -> Result<(), RequestError> {
+        if self.is_shutting_down {
+            let message = "the component is shutting down";
+            return Err(RequestError::new(ErrorCode::ShuttingDown, message));
         }
         Ok(())
     }
 
-    /// Refuses what only the owner may do, with a sound component.
+    /// Returns an error unless the ticket is the owner's and the component can compute.
     ///
     /// # Errors
     /// [`ErrorCode::NotOwner`], [`ErrorCode::ShuttingDown`], [`ErrorCode::Unconfigured`], [`ErrorCode::ErrorState`].
     pub fn check_ready(&self, ticket: &str) -> Result<(), RequestError> {
         self.check_owner(ticket)?;
-        self.check_sound()
+        self.check_operational()
     }
 
     fn check_configured(&self) -> Result<(), RequestError> {
-        self.check_not_quitting()?;
+        self.check_not_shutting_down()?;
         if self.is_configured {
             return Ok(());
         }
-        let message = "the bed has not been prepared yet; ask for `init`";
+        let message = "no bed has been prepared; request `init` first";
         Err(RequestError::new(ErrorCode::Unconfigured, message))
     }
 
-    fn check_sound(&self) -> Result<(), RequestError> {
+    fn check_operational(&self) -> Result<(), RequestError> {
         self.check_configured()?;
         match &self.failure {
             None => Ok(()),
@@ -325,23 +323,7 @@ impl Lockstep {
 
     fn wrong_run(&self, found: &str) -> RequestError {
         let found: String = found.chars().take(50).collect();
-        RequestError::expected(
-            ErrorCode::WrongRun,
-            "run_id",
-            format!("{:?}", self.run_id),
-            format!("{found:?}"),
-        )
+        let expected = format!("{:?}", self.run_id);
+        RequestError::expected(ErrorCode::WrongRun, "run_id", expected, format!("{found:?}"))
     }
-}
-
-fn check_name(place: &str, name: &str) -> Result<(), RequestError> {
-    let fits = !name.is_empty()
-        && name.len() <= MAX_NAME_BYTES
-        && name.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_.".contains(&b));
-    if fits {
-        return Ok(());
-    }
-    let expected = format!("1 to {MAX_NAME_BYTES} letters, digits, '-', '_' or '.'");
-    let found: String = name.chars().take(50).collect();
-    Err(RequestError::expected(ErrorCode::MessageError, place, expected, format!("{found:?}")))
 }

@@ -1,14 +1,16 @@
-//! Who drives.
+//! Ownership of a component: at most one client may change its state.
 
-use super::{AttachRequest, ErrorCode, RequestError};
+use super::control::AttachRequest;
+use super::error::RequestError;
 
-/// At most one client that may change the state, known by its ticket.
+/// Current owner of a component, identified by its ticket, and the number of owners so far.
 #[derive(Debug, Default)]
 pub struct Ownership {
     owner: Option<Owner>,
-    /// The client that has driven last, and how many have one after another.
-    last: String,
-    owners: u64,
+    /// Most recent owner; empty before the first one.
+    last_client: String,
+    /// Number of ownership changes in this run.
+    owner_count: u64,
 }
 
 #[derive(Debug)]
@@ -19,62 +21,53 @@ struct Owner {
 }
 
 impl Ownership {
-    /// So many have driven the run one after another, `last` as the last.
-    pub(super) fn remember(&mut self, last: String, owners: u64) {
-        (self.last, self.owners) = (last, owners);
+    /// Restores the history from a checkpoint.
+    pub(super) fn set_history(&mut self, last_client: String, owner_count: u64) {
+        self.last_client = last_client;
+        self.owner_count = owner_count;
     }
 
-    /// The client that has driven last, and how many have one after another.
+    /// Returns the most recent owner and the number of owners so far.
     pub(super) fn history(&self) -> (&str, u64) {
-        (&self.last, self.owners)
+        (&self.last_client, self.owner_count)
     }
 
-    /// Makes the caller the owner; how many there have been with it.
+    /// Makes a client the owner and returns the number of owners so far, including this one.
     ///
     /// # Errors
-    /// [`ErrorCode::Busy`] while another one drives.
-    pub(super) fn take(
+    /// `busy` if another client is the owner.
+    pub(super) fn attach(
         &mut self,
-        ask: &AttachRequest,
+        request: &AttachRequest,
         ticket: &str,
         now_ms: u64,
     ) -> Result<u64, RequestError> {
         if let Some(owner) = &self.owner
-            && ask.ticket.as_ref() != Some(&owner.ticket)
+            && request.ticket.as_ref() != Some(&owner.ticket)
         {
-            let since = now_ms.saturating_sub(owner.since_ms);
-            let message = format!("{:?} drives, for {:.1} s", owner.client, since as f64 * 1e-3);
-            let fault = RequestError::new(ErrorCode::Busy, message);
-            return Err(RequestError {
-                owner: Some(owner.client.clone()),
-                since_ms: Some(since),
-                ..fault
-            });
+            let since_ms = now_ms.saturating_sub(owner.since_ms);
+            return Err(RequestError::busy(&owner.client, since_ms, ""));
         }
-        let client = ask.client.clone();
-        if self.owners == 0 || self.last != client {
-            self.owners += 1;
-            self.last.clone_from(&client);
+        let client = request.client.clone();
+        if self.owner_count == 0 || self.last_client != client {
+            self.owner_count += 1;
+            self.last_client.clone_from(&client);
         }
         self.owner = Some(Owner { client, ticket: ticket.into(), since_ms: now_ms });
-        Ok(self.owners)
+        Ok(self.owner_count)
     }
 
-    /// Nobody drives any more.
-    pub(super) fn leave(&mut self) {
+    /// Ends the ownership.
+    pub(super) fn detach(&mut self) {
         self.owner = None;
     }
 
-    /// A client is lost; whether it was the owner.
-    pub(super) fn lose(&mut self, client: &str) -> bool {
-        let was = self.owner.as_ref().is_some_and(|o| o.client == client);
-        if was {
-            self.owner = None;
-        }
-        was
+    /// Ends the ownership of a disconnected client; returns true if it was the owner.
+    pub(super) fn disconnect(&mut self, client: &str) -> bool {
+        self.owner.take_if(|owner| owner.client == client).is_some()
     }
 
-    /// Refuses who does not drive.
+    /// Returns an error unless the ticket is that of the owner.
     pub(super) fn check(&self, ticket: &str) -> Result<(), RequestError> {
         match &self.owner {
             Some(owner) if owner.ticket == ticket => Ok(()),
@@ -82,17 +75,17 @@ impl Ownership {
         }
     }
 
-    /// Who drives.
+    /// Returns the name of the owner.
     pub fn client(&self) -> Option<&str> {
         self.owner.as_ref().map(|o| &o.client[..])
     }
 
-    /// The owner's ticket, which is for no one else to see.
+    /// Returns the owner's ticket, which must not be shown to other clients.
     pub fn ticket(&self) -> Option<&str> {
         self.owner.as_ref().map(|o| &o.ticket[..])
     }
 
-    /// For how long it has driven, wall ms.
+    /// Returns the duration of the ownership, wall ms.
     pub(super) fn since_ms(&self, now_ms: u64) -> Option<u64> {
         self.owner.as_ref().map(|o| now_ms.saturating_sub(o.since_ms))
     }

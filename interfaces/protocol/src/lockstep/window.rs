@@ -1,7 +1,7 @@
-//! One window: in its turn, computed, answered, and its answer kept.
+//! Windows: sequence check, computation, and the stored reply.
 
-use super::cost::{PhaseTimer, WallClock};
-use super::{ErrorCode, Lockstep, RequestError, WindowProgress, panic_message};
+use super::timing::{PhaseTimer, WallClock};
+use super::{ErrorCode, Lockstep, RequestError, WindowKind, WindowProgress, panic_message};
 use crate::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, MAX_SERIES_ENTRIES, ReplyStatus,
     StepSeries, core_ns, ns,
@@ -14,41 +14,36 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 const NS_PER_MS: u64 = 1_000_000;
 
-/// Whether a window is new or the last one again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum WindowKind {
-    Advance,
-    Redo,
-}
-
-/// What is asked between the steps of a window, and within those that take long, by whichever thread is at it.
+/// Callback polled between the steps of a window and during long steps, from any worker thread.
 pub type WindowPoll<'a> = &'a mut (dyn FnMut(&WindowProgress) -> WindowControl + Send);
 
-/// How a window is to go on.
+/// Result of a poll: continue the running window, or end it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum WindowControl {
+    /// Continues the window.
     Continue,
-    /// The time allowed has passed: what happens now is for the request's policy to say.
+    /// The deadline has passed; the request's deadline policy decides what happens.
     DeadlineExceeded,
-    /// Nobody waits for the window any more: it is taken back, as if it had never been asked for.
+    /// The client no longer waits; the window is rolled back as if it had not been requested.
     Cancel,
 }
 
 impl Lockstep {
-    /// Computes a window, or the last one again; `clock` tells the wall time, ns.
+    /// Computes the next window, or the last one again; `clock` returns the wall time, ns.
+    ///
+    /// Problems during the computation are part of the reply, not errors.
     ///
     /// # Errors
     /// [`ErrorCode::NotOwner`], [`ErrorCode::WrongRun`], [`ErrorCode::OutOfSequence`], [`ErrorCode::NothingToRedo`], [`ErrorCode::ErrorState`],
-    /// [`ErrorCode::ShuttingDown`], [`ErrorCode::Cancelled`] if `watch` says so, and what
-    /// [`advance_to`](ballast::component::Component::advance_to) refuses.
-    /// What goes wrong while computing is told by the reply.
+    /// [`ErrorCode::ShuttingDown`], [`ErrorCode::Cancelled`] if `poll` cancels the window, and the errors of
+    /// [`advance_to`](ballast::component::Component::advance_to).
     pub fn window(
         &mut self,
         kind: WindowKind,
         request: &AdvanceRequest,
         ticket: &str,
         clock: WallClock,
-        watch: WindowPoll,
+        poll: WindowPoll,
     ) -> Result<AdvanceReply, RequestError> {
         self.check_owner(ticket)?;
         if request.run_id != self.run_id {
@@ -56,7 +51,7 @@ impl Lockstep {
         }
         let content = request.digest()?;
         let is_last = request.seq == self.seq;
-        // With other parameters since then, a redo is more than a retry.
+        // A redo after a change of parameters is not a retry.
         let is_known = kind == WindowKind::Advance || !self.is_outdated;
         if let Some((known, reply)) = &self.answered
             && is_last
@@ -65,7 +60,7 @@ impl Lockstep {
         {
             return Ok(reply.clone());
         }
-        self.check_sound()?;
+        self.check_operational()?;
         if kind == WindowKind::Redo && self.answered.is_none() {
             let expected = "a window since the run was taken up";
             let fault = RequestError::expected(ErrorCode::NothingToRedo, "seq", expected, "none");
@@ -82,67 +77,67 @@ impl Lockstep {
         if !in_order {
             return Err(self.out_of_sequence(kind, request));
         }
-        if kind == WindowKind::Advance && is_nothing(request) {
+        if kind == WindowKind::Advance && is_placeholder(request) {
             self.idle_since_ms = clock() / NS_PER_MS;
-            return self.pass(request, content);
+            return self.skip(request, content);
         }
         self.check_series(request)?;
         let before = self.component.save();
-        let mut watched = WindowMonitor {
+        let mut monitor = WindowMonitor {
             progress: WindowProgress {
                 seq: request.seq,
                 steps: self.steps(request),
                 ..WindowProgress::default()
             },
             policy: request.deadline_policy,
-            begin: clock(),
+            start_ns: clock(),
             clock,
-            watch,
-            laps: PhaseTimer::begin(clock),
-            series: request.record_steps.then(|| StepSeries::begin(self.component.model())),
+            poll,
+            timer: PhaseTimer::start(clock),
+            series: request.record_steps.then(|| StepSeries::new(self.component.model())),
         };
-        let result = self.compute(kind, request, &mut watched);
-        let WindowMonitor { laps, series, .. } = watched;
-        // What was refused has cost nothing.
-        self.cost = laps.end(request.seq).or(self.cost.take());
+        let result = self.compute(kind, request, &mut monitor);
+        let WindowMonitor { timer, series, .. } = monitor;
+        // A refused window has no timing.
+        self.last_timing = timer.finish(request.seq).or(self.last_timing.take());
         self.idle_since_ms = clock() / NS_PER_MS;
         let reply = match result {
             Ok(outcome) => {
                 let outcome = outcome?;
-                self.hash_again();
+                self.update_hash();
                 let model = self.component.model();
-                let mut reply = AdvanceReply::of(request, model, &outcome, self.hash_now);
+                let mut reply = AdvanceReply::of(request, model, &outcome, self.state_hash);
                 if outcome.error.is_none()
                     && matches!(reply.status, ReplyStatus::Early | ReplyStatus::Discard)
                 {
-                    (reply.code, reply.message) = self.overdue(request, outcome.steps);
+                    (reply.code, reply.message) = self.deadline_message(request, outcome.steps);
                 }
-                // Of what was taken back there is nothing to tell.
+                // A rolled-back window has no steps.
                 reply.step_series = series.filter(|_| outcome.steps > 0).unwrap_or_default();
                 reply
             }
             Err(panic) => {
                 self.component.recover(before)?;
                 self.failure = Some(panic.clone());
-                self.failed(request, panic)
+                self.internal_error_reply(request, panic)
             }
         };
         if kind == WindowKind::Redo {
-            self.lose_durable();
+            self.invalidate_last_checkpoint();
         }
-        self.answer(request.seq, content, &reply);
+        self.store_reply(request.seq, content, &reply);
         Ok(reply)
     }
 
-    fn answer(&mut self, seq: u64, content: Digest, reply: &AdvanceReply) {
+    fn store_reply(&mut self, seq: u64, content: Digest, reply: &AdvanceReply) {
         self.seq = seq;
         self.is_outdated = false;
         self.computed_windows += 1;
         self.answered = Some((content, reply.clone()));
     }
 
-    /// A window that was taken back when it was computed first: it takes its number, and there is nothing to redo.
-    fn pass(
+    /// Skips a window that was rolled back when it was first computed: it takes its number and cannot be redone.
+    fn skip(
         &mut self,
         request: &AdvanceRequest,
         content: Digest,
@@ -152,18 +147,18 @@ impl Lockstep {
             status: ReplyStatus::Discard,
             code: "deadline".into(),
             message: "deadline: expected steps, found a window without any".into(),
-            ..self.unchanged(request)
+            ..self.unchanged_reply(request)
         };
-        self.answer(request.seq, content, &reply);
+        self.store_reply(request.seq, content, &reply);
         Ok(reply)
     }
 
-    /// The outcome or its refusal; or what a panic panic_message.
+    /// Returns the result or the refusal of a window, or the message of a panic.
     fn compute(
         &mut self,
         kind: WindowKind,
         request: &AdvanceRequest,
-        watched: &mut WindowMonitor,
+        monitor: &mut WindowMonitor,
     ) -> Result<Result<WindowResult, RequestError>, String> {
         let inputs = match request.inputs() {
             Ok(inputs) => inputs,
@@ -172,8 +167,8 @@ impl Lockstep {
         let window = WindowInputsRef { motions: &inputs.motions, loads: &inputs.loads };
         let component = &mut self.component;
         let result = catch_unwind(AssertUnwindSafe(|| match kind {
-            WindowKind::Advance => component.advance_observed(inputs.t1_ns, window, watched),
-            WindowKind::Redo => component.redo_observed(window, watched),
+            WindowKind::Advance => component.advance_observed(inputs.t1_ns, window, monitor),
+            WindowKind::Redo => component.redo_observed(window, monitor),
         }));
         match result {
             Ok(outcome) => Ok(outcome.map_err(RequestError::from)),
@@ -181,26 +176,27 @@ impl Lockstep {
         }
     }
 
-    /// Whether a redo asks for the times of the last window; of none, the component says so.
+    /// Returns true if a redo has the times of the last window, or if there is no last window.
     fn is_last_window(&self, request: &AdvanceRequest) -> bool {
         let asked = [request.t0_ns, request.t1_ns];
         self.component.last_window().is_none_or(|times| times.map(ns) == asked)
     }
 
-    /// ErrorCode and message of a window that only ran out of time, of which so many steps are kept.
-    fn overdue(&self, request: &AdvanceRequest, kept: u64) -> (String, String) {
+    /// Returns code and message of a window that exceeded its deadline and keeps `kept` steps.
+    fn deadline_message(&self, request: &AdvanceRequest, kept: u64) -> (String, String) {
         let (steps, ms) = (self.steps(request), request.deadline_ms);
-        let text = format!("expected {steps} steps within {ms} ms, found fewer; {kept} are kept");
+        let text =
+            format!("expected {steps} steps within {ms} ms, found fewer; {kept} steps are kept");
         ("deadline".into(), format!("deadline: {text}"))
     }
 
-    /// How many steps a window has that is on the grid.
+    /// Returns the number of steps of a window on the time grid.
     pub fn steps(&self, request: &AdvanceRequest) -> u64 {
         let ahead = core_ns(request.t1_ns.saturating_sub(request.t0_ns));
         ahead / self.component.model().stepping.step_ns
     }
 
-    /// Refuses a series that would not fit into a message.
+    /// Returns an error if the step series would exceed the size of a message.
     fn check_series(&self, request: &AdvanceRequest) -> Result<(), RequestError> {
         let (steps, bodies) = (self.steps(request), self.component.model().driven.len() as u64);
         if !request.record_steps || steps.saturating_mul(bodies) <= MAX_SERIES_ENTRIES {
@@ -212,21 +208,21 @@ impl Lockstep {
         Err(RequestError::expected(ErrorCode::TooLarge, "record_steps", expected, found))
     }
 
-    /// The reply to a window in which the program failed; the state is that of its beginning.
-    fn failed(&self, request: &AdvanceRequest, panic: String) -> AdvanceReply {
+    /// Returns the reply after an internal error; the state is that of the window's beginning.
+    fn internal_error_reply(&self, request: &AdvanceRequest, panic: String) -> AdvanceReply {
         let (status, code) = (ReplyStatus::Error, "internal_error".into());
-        AdvanceReply { status, code, message: panic, ..self.unchanged(request) }
+        AdvanceReply { status, code, message: panic, ..self.unchanged_reply(request) }
     }
 
-    /// The reply to a window that has changed nothing.
-    fn unchanged(&self, request: &AdvanceRequest) -> AdvanceReply {
+    /// Returns the reply to a window that leaves the state unchanged.
+    fn unchanged_reply(&self, request: &AdvanceRequest) -> AdvanceReply {
         let now = ns(self.component.now_ns());
         AdvanceReply {
             run_id: request.run_id.clone(),
             seq: request.seq,
             t0_ns: now,
             t1_ns: now,
-            hash: self.hash_now,
+            hash: self.state_hash,
             ..AdvanceReply::default()
         }
     }
@@ -252,21 +248,21 @@ impl Lockstep {
     }
 }
 
-/// How far a window is, what it tells, and who is asked whether it goes on.
+/// Observer of a running window: measures, records and polls.
 struct WindowMonitor<'a> {
     progress: WindowProgress,
     policy: DeadlinePolicy,
-    /// Wall time of its beginning, ns.
-    begin: u64,
+    /// Wall time at the start of the window, ns.
+    start_ns: u64,
     clock: WallClock<'a>,
-    watch: WindowPoll<'a>,
-    laps: PhaseTimer<'a>,
+    poll: WindowPoll<'a>,
+    timer: PhaseTimer<'a>,
     series: Option<StepSeries>,
 }
 
 impl WindowMonitor<'_> {
-    /// A step is done.
-    fn note(&mut self, report: &StepReport) {
+    /// Updates the progress after a finished step.
+    fn update_progress(&mut self, report: &StepReport) {
         let elapsed_ms = self.elapsed_ms();
         let progress = &mut self.progress;
         progress.step += 1;
@@ -276,12 +272,12 @@ impl WindowMonitor<'_> {
         progress.remaining_ms = Some(elapsed_ms.saturating_mul(left) / progress.step);
     }
 
-    /// How the window is to end, if it is to.
-    fn ask(&mut self) -> Option<StopReason> {
+    /// Polls the caller and returns the reason to end the window, if any.
+    fn poll_stop(&mut self) -> Option<StopReason> {
         self.progress.elapsed_ms = self.elapsed_ms();
-        match ((self.watch)(&self.progress), self.policy) {
+        match ((self.poll)(&self.progress), self.policy) {
             (WindowControl::Cancel, _) => Some(StopReason::Cancel),
-            // Done is not late.
+            // A finished window is not late.
             (WindowControl::DeadlineExceeded, _) if self.progress.step == self.progress.steps => {
                 None
             }
@@ -293,28 +289,28 @@ impl WindowMonitor<'_> {
     }
 
     fn elapsed_ms(&self) -> u64 {
-        (self.clock)().saturating_sub(self.begin) / NS_PER_MS
+        (self.clock)().saturating_sub(self.start_ns) / NS_PER_MS
     }
 }
 
 impl StepObserver for WindowMonitor<'_> {
     fn phase_finished(&mut self, phase: Phase) {
-        self.laps.phase_finished(phase);
+        self.timer.phase_finished(phase);
     }
     fn cancelled(&mut self) -> Option<StopReason> {
-        self.ask()
+        self.poll_stop()
     }
 
     fn step_finished(&mut self, state: &State, report: &StepReport) -> ControlFlow<StopReason> {
         if let Some(series) = &mut self.series {
-            series.take(state, report);
+            series.push(state, report);
         }
-        self.note(report);
-        self.ask().map_or(ControlFlow::Continue(()), ControlFlow::Break)
+        self.update_progress(report);
+        self.poll_stop().map_or(ControlFlow::Continue(()), ControlFlow::Break)
     }
 }
 
-/// Whether a window asks for no time at all, and to be taken back if that does not suffice.
-fn is_nothing(request: &AdvanceRequest) -> bool {
+/// Returns true for the empty window that stands for a rolled-back one in a repeated sequence.
+fn is_placeholder(request: &AdvanceRequest) -> bool {
     request.t1_ns == request.t0_ns && request.deadline_policy == DeadlinePolicy::Discard
 }

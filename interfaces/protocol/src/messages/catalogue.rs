@@ -1,16 +1,8 @@
-//! Every type with its name and its ROS 2 definition.
+//! Message types with their names and ROS 2 definitions.
 
 use super::*;
 use crate::{MessageError, from_cdr};
-use serde::Serialize;
-use serde::de::DeserializeOwned;
 use std::collections::BTreeSet;
-
-/// A type with a ROS 2 definition.
-pub trait Message: Serialize + DeserializeOwned {
-    /// Package, `msg`, type: `geometry_msgs/msg/Pose`.
-    const NAME: &'static str;
-}
 
 macro_rules! catalogue {
     ($($package:literal $name:ident),* $(,)?) => {
@@ -18,16 +10,16 @@ macro_rules! catalogue {
             const NAME: &'static str = concat!($package, "/msg/", stringify!($name));
         })*
 
-        /// Names as definitions use them, and the definitions.
+        /// Definitions by name, in the form `package/Type`.
         const DEFINITIONS: &[(&str, &str)] = &[$((
             concat!($package, "/", stringify!($name)),
             include_str!(concat!("../../msg/", $package, "/", stringify!($name), ".msg")),
         )),*];
 
-        /// A message of the named type (`geometry_msgs/msg/Pose`), from CDR, as a JSON value.
+        /// Decodes a message of the named type (`geometry_msgs/msg/Pose`) from CDR into a JSON value.
         ///
         /// # Errors
-        /// A type that is not of this crate; bytes that are no such message.
+        /// An unknown type, or bytes that are no message of it.
         pub fn decode_to_json(name: &str, bytes: &[u8]) -> Result<serde_json::Value, MessageError> {
             match name {
                 $(<$name as Message>::NAME => value::<$name>(bytes),)*
@@ -98,32 +90,32 @@ catalogue!(
     "ballast_msgs" WindowRecord,
 );
 
-/// The definition of one type, by either form of its name.
+/// Returns the definition of a type, named `package/Type` or `package/msg/Type`.
 pub fn definition(name: &str) -> Option<&'static str> {
     let short = name.replacen("/msg/", "/", 1);
     DEFINITIONS.iter().find(|(known, _)| *known == short).map(|(_, text)| *text)
 }
 
-/// The definition of a type and of all types it is made of, as recordings embed it (`ros2msg`).
+/// Returns the definitions of a type and of all types it contains, as recordings embed them (`ros2msg`).
 pub fn schema<T: Message>() -> String {
     let short = T::NAME.replacen("/msg/", "/", 1);
     let mut text = definition(&short).unwrap_or_default().to_string();
-    let mut done = BTreeSet::from([short.clone()]);
-    let mut open = needs(&short);
+    let mut visited = BTreeSet::from([short.clone()]);
+    let mut open = field_types(&short);
     open.reverse();
     while let Some(name) = open.pop() {
-        if !done.insert(name.clone()) {
+        if !visited.insert(name.clone()) {
             continue;
         }
         text += &"=".repeat(80);
         text += &format!("\nMSG: {name}\n{}", definition(&name).unwrap_or_default());
-        open.extend(needs(&name).into_iter().rev());
+        open.extend(field_types(&name).into_iter().rev());
     }
     text
 }
 
-/// Types that the fields of a type have, in order, primitives left out.
-fn needs(name: &str) -> Vec<String> {
+/// Returns the message types of the fields of a type, in order.
+fn field_types(name: &str) -> Vec<String> {
     let lines = definition(name).unwrap_or_default().lines();
     let types = lines.filter_map(|line| line.split_whitespace().next());
     let composite = types.filter(|t| t.contains('/') && !t.starts_with('#'));

@@ -1,7 +1,8 @@
-//! Messages from and to the core's types.
+//! Conversions between messages and types of the core.
 //!
-//! Contract: numbers go through unchanged, bit for bit.
+//! Contract: numbers are bitwise unchanged.
 
+use super::time::checked_core_ns;
 use super::*;
 use crate::MessageError;
 use ballast::component::{self, WindowResult};
@@ -12,8 +13,8 @@ use ballast::model::Model;
 use ballast::observe::{SqueezeOutcome, SqueezeRecord};
 use ballast::state;
 
-/// How far the norm of a quaternion may be from 1.
-const UNIT: f64 = 1e-6;
+/// Maximum deviation of the norm of a quaternion from 1.
+const NORM_TOLERANCE: f64 = 1e-6;
 
 macro_rules! vectors {
     ($($name:ident),*) => {$(
@@ -39,14 +40,14 @@ impl From<Quat> for Quaternion {
     }
 }
 
-/// Refused unless its norm is 1 within 1e-6; not normalised, which would change bits.
+// Checked but not normalised, which would change bits.
 impl TryFrom<Quaternion> for Quat {
     type Error = MessageError;
 
     fn try_from(q: Quaternion) -> Result<Self, MessageError> {
         let plain = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
         let norm = plain.norm();
-        if (norm - 1.0).abs() <= UNIT {
+        if (norm - 1.0).abs() <= NORM_TOLERANCE {
             return Ok(Quat::new_unchecked(plain));
         }
         Err(MessageError::new(
@@ -91,21 +92,6 @@ impl From<InterpolationMode> for component::Interpolation {
     }
 }
 
-/// A time of the wire as one of the core.
-fn time(place: &str, ns: i64) -> Result<u64, MessageError> {
-    u64::try_from(ns).map_err(|_| MessageError::new(place, "a time from 0 ns on", ns))
-}
-
-/// A time of the core on the wire; beyond 292 years: the last one.
-pub fn ns(time_ns: u64) -> i64 {
-    i64::try_from(time_ns).unwrap_or(i64::MAX)
-}
-
-/// A time of the wire in the core; before the start of the run: the start.
-pub fn core_ns(time_ns: i64) -> u64 {
-    u64::try_from(time_ns).unwrap_or(0)
-}
-
 impl From<component::Twist> for Twist {
     fn from(twist: component::Twist) -> Self {
         Self { linear: twist.velocity.into(), angular: twist.angular_velocity.into() }
@@ -132,7 +118,7 @@ impl TryFrom<MotionKnot> for component::Knot {
 
     fn try_from(knot: MotionKnot) -> Result<Self, MessageError> {
         Ok(Self {
-            time_ns: time("time_ns", knot.time_ns)?,
+            time_ns: checked_core_ns("time_ns", knot.time_ns)?,
             pose: math::Pose::try_from(knot.pose).map_err(|e| e.inside("pose"))?,
             velocity: knot.twist.linear.into(),
             angular_velocity: knot.twist.angular.into(),
@@ -194,7 +180,7 @@ impl TryFrom<&BodyLoad> for component::LoadInput {
             }
         };
         let knot = |(i, knot): (usize, &WrenchKnot)| {
-            let time_ns = time(&format!("knots[{i}].time_ns"), knot.time_ns)?;
+            let time_ns = checked_core_ns(&format!("knots[{i}].time_ns"), knot.time_ns)?;
             let load = Load { force: knot.wrench.force.into(), torque: knot.wrench.torque.into() };
             Ok(component::LoadKnot { time_ns, load })
         };
@@ -204,25 +190,27 @@ impl TryFrom<&BodyLoad> for component::LoadInput {
     }
 }
 
-/// What a request asks of a component.
+/// Inputs of a window, decoded from a request.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AdvanceInputs {
+    /// End of the window, ns.
     pub t1_ns: u64,
+    /// Motions of bodies.
     pub motions: Vec<component::MotionInput>,
+    /// Loads on bodies.
     pub loads: Vec<component::LoadInput>,
 }
 
 impl AdvanceRequest {
-    /// The window's end and inputs as [`component::Component::advance_to`] takes them.
+    /// Decodes end and inputs of the window for [`component::Component::advance_to`].
     ///
     /// # Errors
-    /// Times before the start of the run, quaternions that are none, loads between whose knots nothing is
-    /// defined.
+    /// Times before the start of the run, quaternions without unit norm, or loads with cubic interpolation.
     pub fn inputs(&self) -> Result<AdvanceInputs, MessageError> {
         let motions = self.motions.iter().map(component::MotionInput::try_from);
         let loads = self.loads.iter().map(component::LoadInput::try_from);
         Ok(AdvanceInputs {
-            t1_ns: time("t1_ns", self.t1_ns)?,
+            t1_ns: checked_core_ns("t1_ns", self.t1_ns)?,
             motions: motions.collect::<Result<_, _>>()?,
             loads: loads.collect::<Result<_, _>>()?,
         })
@@ -321,7 +309,7 @@ impl From<component::WindowStatus> for ReplyStatus {
 }
 
 impl WrenchImpulse {
-    /// What the ballast did to the body called `name` in a window that ended at `time_ns`.
+    /// Converts the result of body `name` in a window that ended at `time_ns`.
     pub fn of(name: &str, time_ns: u64, outcome: &component::BodyResult) -> Self {
         let wrench =
             |force: Vec3, torque: Vec3| Wrench { force: force.into(), torque: torque.into() };
@@ -359,7 +347,7 @@ impl TryFrom<&WrenchImpulse> for component::BodyResult {
             moving_average_torque: message.moving_average.torque.into(),
             peak_force: message.peak_force.into(),
             peak_torque: message.peak_torque.into(),
-            peak_time_ns: time("peak_time_ns", message.peak_time_ns)?,
+            peak_time_ns: checked_core_ns("peak_time_ns", message.peak_time_ns)?,
             work: message.work,
             contacts: message.contacts,
             pose: message.pose.try_into()?,
@@ -370,7 +358,7 @@ impl TryFrom<&WrenchImpulse> for component::BodyResult {
 }
 
 impl ZoneMeasurement {
-    /// What was measured in a zone at a time, ns; NaN where it cannot be measured.
+    /// Converts the result of a zone at a time, ns; absent values become NaN.
     pub fn of(time_ns: u64, zone: &component::ZoneResult) -> Self {
         Self {
             header: Header::world(time_ns),
@@ -400,11 +388,10 @@ impl From<&ZoneMeasurement> for component::ZoneResult {
 }
 
 impl AdvanceReply {
-    /// What the window did, as a component of this process would say it; why it ended is the reply's
-    /// `message`, not the outcome's.
+    /// Converts the reply to the result of a local component, without the error.
     ///
     /// # Errors
-    /// A status after which there is no outcome, times before the start, poses that are none.
+    /// A status without a result, times before the start, or invalid poses.
     pub fn outcome(&self) -> Result<WindowResult, MessageError> {
         let status = match self.status {
             ReplyStatus::Ok => component::WindowStatus::Ok,
@@ -423,8 +410,8 @@ impl AdvanceReply {
         Ok(WindowResult {
             status,
             error: None,
-            t0_ns: time("t0_ns", self.t0_ns)?,
-            t1_ns: time("t1_ns", self.t1_ns)?,
+            t0_ns: checked_core_ns("t0_ns", self.t0_ns)?,
+            t1_ns: checked_core_ns("t1_ns", self.t1_ns)?,
             steps: self.steps,
             bodies: self.bodies.iter().map(body).collect::<Result<_, _>>()?,
             zones: self.zones.iter().map(Into::into).collect(),
@@ -439,7 +426,7 @@ impl AdvanceReply {
         })
     }
 
-    /// The reply to a window of `model`, without its series.
+    /// Builds the reply to a window of `model`, without its step series.
     pub fn of(
         request: &AdvanceRequest,
         model: &Model,
@@ -471,7 +458,7 @@ impl AdvanceReply {
 }
 
 impl SqueezeReport {
-    /// What is known of a squeeze at the end of a window, ns.
+    /// Converts the record of a squeeze at the end of a window, ns.
     pub fn of(time_ns: u64, squeeze: &SqueezeOutcome) -> Self {
         let record = &squeeze.record;
         Self {
@@ -499,7 +486,8 @@ impl TryFrom<&SqueezeReport> for SqueezeOutcome {
 
     fn try_from(squeeze: &SqueezeReport) -> Result<Self, MessageError> {
         let time = |field: &str, ns: i64| {
-            time(field, ns).map_err(|e| e.inside(&format!("squeeze of {:?}", squeeze.pair)))
+            checked_core_ns(field, ns)
+                .map_err(|e| e.inside(&format!("squeeze of {:?}", squeeze.pair)))
         };
         let points = squeeze.loop_closing.iter().zip(&squeeze.loop_force);
         let record = SqueezeRecord {

@@ -1,21 +1,22 @@
-//! Fingerprints: 16 bytes on the wire, hexadecimal for people.
+//! Hashes: 16 bytes in CDR, hexadecimal in JSON.
 
 use serde::de::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use std::fmt;
 
-/// Fingerprint of everything that the next step depends on.
+/// Hash of the simulation state.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct StateHash {
+    /// Bytes of the hash, most significant first.
     pub bytes: [u8; 16],
 }
 
-/// Fingerprint of a message.
+/// Digest of a message: the first 128 bits of BLAKE3 over its CDR.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub struct Digest(pub [u8; 16]);
 
 impl Digest {
-    /// The first 128 bits of BLAKE3.
+    /// Computes the digest of bytes.
     pub fn of(bytes: &[u8]) -> Self {
         let mut first = [0; 16];
         first.copy_from_slice(&blake3::hash(bytes).as_bytes()[..16]);
@@ -41,8 +42,8 @@ impl fmt::Display for Digest {
     }
 }
 
-/// 32 hexadecimal digits as bytes.
-fn bytes(text: &str) -> Result<[u8; 16], String> {
+/// Parses 32 hexadecimal digits.
+fn parse_hexadecimal(text: &str) -> Result<[u8; 16], String> {
     let hexadecimal = text.len() == 32 && text.bytes().all(|b| b.is_ascii_hexdigit());
     match u128::from_str_radix(text, 16) {
         Ok(number) if hexadecimal => Ok(number.to_be_bytes()),
@@ -54,14 +55,14 @@ impl std::str::FromStr for StateHash {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        bytes(text).map(|bytes| Self { bytes })
+        parse_hexadecimal(text).map(|bytes| Self { bytes })
     }
 }
 
-/// The structure as CDR knows it.
+/// Structure of the hash in CDR.
 #[derive(Serialize, Deserialize)]
 #[serde(rename = "StateHash")]
-struct Plain {
+struct StateHashBytes {
     bytes: [u8; 16],
 }
 
@@ -70,7 +71,7 @@ impl Serialize for StateHash {
         if serializer.is_human_readable() {
             serializer.collect_str(self)
         } else {
-            Plain { bytes: self.bytes }.serialize(serializer)
+            StateHashBytes { bytes: self.bytes }.serialize(serializer)
         }
     }
 }
@@ -80,7 +81,7 @@ impl<'de> Deserialize<'de> for StateHash {
         if deserializer.is_human_readable() {
             String::deserialize(deserializer)?.parse().map_err(D::Error::custom)
         } else {
-            Plain::deserialize(deserializer).map(|plain| Self { bytes: plain.bytes })
+            StateHashBytes::deserialize(deserializer).map(|plain| Self { bytes: plain.bytes })
         }
     }
 }
@@ -98,7 +99,9 @@ impl Serialize for Digest {
 impl<'de> Deserialize<'de> for Digest {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         if deserializer.is_human_readable() {
-            bytes(&String::deserialize(deserializer)?).map(Self).map_err(D::Error::custom)
+            parse_hexadecimal(&String::deserialize(deserializer)?)
+                .map(Self)
+                .map_err(D::Error::custom)
         } else {
             <[u8; 16]>::deserialize(deserializer).map(Self)
         }

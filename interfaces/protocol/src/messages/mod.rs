@@ -1,26 +1,34 @@
-//! The types of messages, one Rust structure per ROS 2 definition in `msg`.
+//! Message types, one Rust structure per ROS 2 definition in `msg`.
 //!
-//! Contract: fields stand in the order of the definition, which is what CDR relies on; a test compares
-//! them. SI units, world frame with z up, quaternions x, y, z, w, wrenches and impulses *by the ballast
+//! Contract: fields are in the order of the definition, on which CDR relies; a test compares them. SI units, world frame with z up, quaternions x, y, z, w, wrenches and impulses *by the ballast
 //! on the body*.
 
 mod catalogue;
 mod convert;
+mod enums;
 mod hash;
 mod input;
+mod message;
 mod reply;
+mod ros;
 mod scene;
 mod series;
-mod stock;
-mod words;
+mod time;
 
-pub use catalogue::{Message, decode_to_json, definition, schema};
-pub use convert::{AdvanceInputs, core_ns, ns};
+pub use catalogue::{decode_to_json, definition, schema};
+pub use convert::AdvanceInputs;
+pub use enums::{DeadlinePolicy, InterpolationMode, ReplyStatus};
 pub use hash::{Digest, StateHash};
 pub use input::{AdvanceRequest, BodyLoad, BodyMotion, MotionKnot, WrenchKnot};
+pub use message::Message;
 pub use reply::{
     AdvanceReply, EnergyBalance, SolverParameters, SolverStats, SqueezeReport, WindowRecord,
     WrenchImpulse, ZoneMeasurement,
+};
+pub use ros::{
+    Clock, Duration, Header, Log, Point, PointCloud2, PointField, Pose, PoseStamped, Quaternion,
+    TFMessage, Time, Transform, TransformStamped, Twist, TwistStamped, Vector3, Wrench,
+    WrenchStamped,
 };
 pub use scene::{
     ArrowPrimitive, Color, CubePrimitive, CylinderPrimitive, KeyValuePair, LinePrimitive,
@@ -28,14 +36,9 @@ pub use scene::{
     TriangleListPrimitive,
 };
 pub use series::{BodySeries, MAX_SERIES_ENTRIES, StepSeries};
-pub use stock::{
-    Clock, Duration, Header, Log, Point, PointCloud2, PointField, Pose, PoseStamped, Quaternion,
-    TFMessage, Time, Transform, TransformStamped, Twist, TwistStamped, Vector3, Wrench,
-    WrenchStamped,
-};
-pub use words::{DeadlinePolicy, InterpolationMode, ReplyStatus};
+pub use time::{core_ns, ns};
 
-/// The frame that all positions of this program are given in.
+/// Name of the world frame, in which all positions are given.
 pub const WORLD: &str = "world";
 
 #[cfg(test)]

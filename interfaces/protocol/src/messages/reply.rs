@@ -1,48 +1,55 @@
-//! What a window is answered with, and the record of both.
+//! Replies to windows, and records of windows.
 
+use super::enums::ReplyStatus;
 use super::hash::{Digest, StateHash};
 use super::input::AdvanceRequest;
+use super::ros::{Header, Point, Pose, Twist, Vector3, Wrench, message};
 use super::series::StepSeries;
-use super::stock::{Header, Point, Pose, Twist, Vector3, Wrench, message};
-use super::words::ReplyStatus;
 use crate::{MessageError, to_cdr};
 use schemars::JsonSchema;
 use serde::{Deserialize, Deserializer, Serialize};
 
 message!(
-    /// What the ballast did to a body during a window, about its reference point, world axes.
+    /// Impulse, wrench and motion of a body in a window, by the ballast on the body, about its reference point, world axes.
     WrenchImpulse {
-        /// The end of the window.
+        /// Time of the end of the window.
         header: Header,
+        /// Name of the body.
         body: String,
-        /// N s, N m s.
+        /// Impulse of the window, N s.
         impulse: Vector3,
+        /// Angular impulse of the window, N m s.
         angular_impulse: Vector3,
-        /// Impulses over the length of the window: N, N m.
+        /// Mean wrench of the window, N and N m.
         mean: Wrench,
-        /// Over the last 4 ms, which may have begun before the window: N, N m.
+        /// Mean wrench of the last 4 ms in whole steps, which may begin before the window, N and N m.
         moving_average: Wrench,
-        /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns.
+        /// Largest mean force of a step, N.
         peak_force: Vector3,
+        /// Mean torque of the step of the peak force, N m.
         peak_torque: Vector3,
+        /// Time at the end of the step of the peak force, ns.
         peak_time_ns: i64,
-        /// Of the body on the ballast, J.
+        /// Work of the body on the ballast, J.
         work: f64,
-        /// Contact points that carried an impulse in the last step.
+        /// Number of active contact points in the last step.
         contacts: u32,
-        /// Of the body at the end of the window.
+        /// Pose at the end of the window.
         pose: Pose,
+        /// Twist at the end of the window.
         twist: Twist,
     }
 );
 
-/// How densely a zone is filled, and how its grains press and flow.
+/// Measurements in a zone of the bed: packing, contacts and stress.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ZoneMeasurement {
+    /// Time of the measurement.
     pub header: Header,
+    /// Name of the zone.
     pub zone: String,
-    /// Solid over accessible volume; NaN (in JSON `null`) where nothing is accessible.
+    /// Solid volume divided by accessible volume; NaN (in JSON `null`) without accessible volume.
     #[serde(deserialize_with = "number_or_null")]
     #[schemars(with = "Option<f64>")]
     pub compactness: f64,
@@ -50,18 +57,19 @@ pub struct ZoneMeasurement {
     #[serde(deserialize_with = "number_or_null")]
     #[schemars(with = "Option<f64>")]
     pub coordination: f64,
-    /// NaN where grains do not press on each other.
+    /// Inertial number; NaN without forces between grains.
     #[serde(deserialize_with = "number_or_null")]
     #[schemars(with = "Option<f64>")]
     pub inertial_number: f64,
-    /// Pa.
+    /// Mean pressure, Pa.
     pub mean_pressure: f64,
-    /// Corners of the zone, m.
+    /// Lower corner of the zone, m.
     pub low: Point,
+    /// Upper corner of the zone, m.
     pub high: Point,
 }
 
-/// JSON has no NaN: it is written as `null`.
+/// Deserializes a number; JSON writes NaN as `null`.
 fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::Error> {
     if deserializer.is_human_readable() {
         Ok(Option::<f64>::deserialize(deserializer)?.unwrap_or(f64::NAN))
@@ -71,66 +79,75 @@ fn number_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<f64, D::
 }
 
 message!(
-    /// A squeeze of a pair of tines, up to the last whole vibration period before the end of a window.
+    /// Squeeze of a pair of tines, measured up to the last complete vibration period before the end of a window.
     SqueezeReport {
-        /// The end of the window.
+        /// Time of the end of the window.
         header: Header,
+        /// Name of the pair.
         pair: String,
-        /// Of this pair, from 1 on.
+        /// Number of the squeeze of this pair, from 1.
         number: u32,
-        /// The pair has opened again.
+        /// True if the pair has opened again.
         is_finished: bool,
-        /// When the pair was at its widest, ns; closings are counted from there.
+        /// Time of the widest opening, ns; closings are counted from there.
         start_ns: i64,
-        /// End of the period since which the ballast resists, or did so last, ns; -1: not yet. The closing then, m.
+        /// Time at which ballast resistance starts, ns: end of the first period with sustained force; -1 before.
         onset_ns: i64,
+        /// Closing at the onset, m.
         onset_closing: f64,
-        /// Of a side, mean over the last period, m.
+        /// Closing of one side, averaged over the last period, m.
         closing: f64,
-        /// Largest mean force of a side over a period, N, and the closing at which it occurred, m.
+        /// Largest mean force of a side over a period, N.
         peak_force: f64,
+        /// Closing at the peak force, m.
         peak_closing: f64,
         /// Largest force of a single step, N.
         peak_step_force: f64,
-        /// Of the tines on the ballast since it had closed by 2 mm, vibration included, J.
+        /// Work of the tines on the ballast from a closing of 2 mm, including vibration, J.
         work: f64,
-        /// Of the mean force along the closing as far as it came, both sides, J.
+        /// Work of the mean force along the closing, both sides, J.
         compaction_energy: f64,
-        /// The force-displacement loop: closing, m, and mean force, N, of a side.
+        /// Closings of the force-displacement loop of a side, m.
         loop_closing: Vec<f64>,
+        /// Mean forces of the force-displacement loop of a side, N.
         loop_force: Vec<f64>,
     }
 );
 
 message!(
-    /// How a window was solved.
+    /// Solver statistics of a window.
     #[derive(Copy)]
     SolverStats {
-        /// Over all steps.
+        /// Number of iterations of all steps.
         iterations: u64,
+        /// Number of local solves of all steps.
         visits: u64,
+        /// Number of steps that reached the maximum number of iterations.
         steps_not_converged: u64,
-        /// Largest of all steps.
+        /// Largest residual QM/16 of all steps.
         residual_qm16: f64,
+        /// Largest natural-map residual of all steps.
         residual_natural_map: f64,
-        /// In the last step.
+        /// Number of contact points in the last step.
         contacts: u64,
+        /// Number of active contact points in the last step.
         active_contacts: u64,
-        /// Mean of the last step, largest of all steps, m.
+        /// Mean penetration in the last step, m.
         mean_penetration: f64,
+        /// Largest penetration of all steps, m.
         max_penetration: f64,
     }
 );
 
 message!(
-    /// How hard steps are solved from here on.
+    /// Solver parameters of the following steps.
     #[derive(Copy)]
     SolverParameters {
-        /// Largest number of iterations per step.
+        /// Maximum number of iterations per step.
         max_iterations: u32,
-        /// A step is solved below this; 0: all iterations.
+        /// Residual below which a step is converged; 0: always `max_iterations`.
         tolerance: f64,
-        /// Deepest penetration of a sound step, m; 0: any.
+        /// Penetration above which a window is rolled back, m; 0: no limit.
         max_penetration: f64,
     }
 );
@@ -139,74 +156,95 @@ message!(
     /// Energies of the grains since the start of the run, J.
     #[derive(Copy)]
     EnergyBalance {
+        /// Kinetic energy at the start.
         initial_kinetic: f64,
+        /// Potential energy at the start.
         initial_potential: f64,
+        /// Kinetic energy.
         kinetic: f64,
+        /// Potential energy.
         potential: f64,
+        /// Work of the driven bodies on the grains.
         external_work: f64,
+        /// Energy dissipated in contacts.
         dissipated: f64,
-        /// What these do not account for.
+        /// Energy that the other terms do not account for.
         balance_error: f64,
     }
 );
 
 message!(
-    /// What became of a window.
+    /// Reply to a window.
     AdvanceReply {
+        /// Identifier of the run.
         run_id: String,
+        /// Number of the window.
         seq: u64,
+        /// Status of the window.
         status: ReplyStatus,
-        /// Why it is not ok, for programs and for people; empty where it is.
+        /// Error code for programs; empty if the status is `ok`.
         code: String,
+        /// Error message for people; empty if the status is `ok`.
         message: String,
-        /// The window as far as it was computed, ns.
+        /// Start of the window, ns.
         t0_ns: i64,
+        /// Time reached by the window, ns.
         t1_ns: i64,
+        /// Number of steps that are kept.
         steps: u64,
+        /// Results of the driven bodies.
         bodies: Vec<WrenchImpulse>,
+        /// Measurements in the zones.
         zones: Vec<ZoneMeasurement>,
+        /// Squeezes of the pairs of tines.
         squeezes: Vec<SqueezeReport>,
+        /// Solver statistics.
         solver: SolverStats,
+        /// Energies of the grains.
         energy: EnergyBalance,
-        /// Of the state at `t1_ns`.
+        /// Hash of the state at `t1_ns`.
         hash: StateHash,
-        /// Longest sensible time step of a partner, ns; 0: no advice.
+        /// Largest sensible spacing of motion knots, ns; 0: no advice.
         max_knot_spacing_ns: u64,
-        /// Empty unless it was asked for.
+        /// Values of each step; empty unless requested.
         step_series: StepSeries,
     }
 );
 
 message!(
-    /// A window as it was asked for, and what its answer was.
+    /// Record of a window: its request, and hash and digest of its reply.
     WindowRecord {
+        /// Number of the window.
         seq: u64,
+        /// Start of the window, ns.
         t0_ns: i64,
+        /// End of the window, ns.
         t1_ns: i64,
+        /// Request of the window.
         request: AdvanceRequest,
+        /// Hash of the state at `t1_ns`.
         hash: StateHash,
-        /// See [`AdvanceReply::digest`].
+        /// Digest of the reply, see [`AdvanceReply::digest`].
         reply_digest: Digest,
     }
 );
 
 impl AdvanceReply {
-    /// Fingerprint of the reply: the first 128 bits of BLAKE3 over its CDR with an empty `run_id`, which is
-    /// fresh for every run, and without the hint, which is advice: neither says what was computed.
+    /// Computes the digest of the reply without `run_id` and `max_knot_spacing_ns`, which are no results.
     ///
     /// # Errors
-    /// A reply that cannot be written as CDR.
+    /// A reply that cannot be encoded as CDR.
     pub fn digest(&self) -> Result<Digest, MessageError> {
-        let told = Self { run_id: String::new(), max_knot_spacing_ns: 0, ..self.clone() };
-        Ok(Digest::of(&to_cdr(&told)?))
+        let results = Self { run_id: String::new(), max_knot_spacing_ns: 0, ..self.clone() };
+        Ok(Digest::of(&to_cdr(&results)?))
     }
 }
 
 impl WindowRecord {
-    /// The record of a window.
+    /// Creates the record of a window.
     ///
     /// # Errors
-    /// A reply that cannot be written as CDR.
+    /// A reply that cannot be encoded as CDR.
     pub fn of(request: AdvanceRequest, reply: &AdvanceReply) -> Result<Self, MessageError> {
         Ok(Self {
             seq: request.seq,

@@ -1,12 +1,12 @@
-//! Pictures: `foxglove_msgs/SceneUpdate` and what it is made of.
+//! Scene messages for viewers: `foxglove_msgs/SceneUpdate` and its parts.
 
-use super::stock::{Duration, Point, Pose, Time, Vector3, message};
+use super::ros::{Duration, Point, Pose, Time, Vector3, message};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 message!(SceneUpdate { deletions: Vec<SceneEntityDeletion>, entities: Vec<SceneEntity> });
 message!(
-    /// `type` 0: the entity named `id`; 1: all.
+    /// Deletion of entities: of the one named `id` if `type` is 0, of all if it is 1.
     SceneEntityDeletion { timestamp: Time, r#type: u8, id: String }
 );
 message!(SceneEntity {
@@ -27,7 +27,7 @@ message!(SceneEntity {
 });
 message!(KeyValuePair { key: String, value: String });
 message!(
-    /// 0 to 1 each.
+    /// Colour, with components from 0 to 1.
     #[derive(Copy)]
     Color { r: f64, g: f64, b: f64, a: f64 }
 );

@@ -40,7 +40,7 @@ fn one_drives_and_others_cannot() {
     assert_eq!(lockstep.detach(&ticket).unwrap_err().code, ErrorCode::NotOwner);
     ask(&mut lockstep, Advance, &window(1), &fresh).unwrap();
     // Gone, and another one goes on with the run.
-    assert!(!lockstep.lost("other") && lockstep.lost("driver"));
+    assert!(!lockstep.client_disconnected("other") && lockstep.client_disconnected("driver"));
     assert_eq!(
         ask(&mut lockstep, Advance, &window(2), &fresh).unwrap_err().code,
         ErrorCode::NotOwner
@@ -73,13 +73,13 @@ fn what_is_not_configured_waits_for_init_and_keeps_its_owner() {
     }
     assert_eq!(lockstep.check_init("ticket of other").unwrap_err().code, ErrorCode::NotOwner);
     lockstep.check_init(&ticket).unwrap();
-    let place = lockstep.begin(component(), "run-1".into(), 0);
+    let place = lockstep.begin_run(component(), "run-1".into(), 0);
     assert_eq!((place.run_id.as_str(), place.seq, place.now_ns), ("run-1", 0, 0));
     assert_eq!(lockstep.status(0).state, ComponentState::Idle);
     assert_eq!(ask(&mut lockstep, Advance, &window(1), &ticket).unwrap(), straight(1));
     // Prepared anew: another run, nothing of the old one is left.
     lockstep.save(&name, &ticket).unwrap();
-    lockstep.begin(component(), "run-2".into(), 0);
+    lockstep.begin_run(component(), "run-2".into(), 0);
     assert_eq!(lockstep.restore(&name, &ticket).unwrap_err().code, ErrorCode::UnknownState);
     let first = AdvanceRequest { run_id: "run-2".into(), ..window(1) };
     assert_eq!(ask(&mut lockstep, Advance, &first, &ticket).unwrap().hash, straight(1).hash);

@@ -20,9 +20,9 @@ fn bad_inputs_keep_the_number() {
     for (bad, code) in [
         (jump, ErrorCode::InputJump),
         (unknown, ErrorCode::UnknownBody),
-        (turned, ErrorCode::MessageError),
+        (turned, ErrorCode::Malformed),
         (grid, ErrorCode::TimeGrid),
-        (past, ErrorCode::MessageError),
+        (past, ErrorCode::Malformed),
     ] {
         let fault = ask(&mut lockstep, Advance, &bad, &ticket).unwrap_err();
         assert_eq!(fault.code, code, "{fault}");
@@ -65,7 +65,7 @@ fn a_refusal_has_its_code_and_says_where_what_was_expected_and_found() {
             "NaN",
         ),
         (refused(|r| r.motions[0].body = "door".into()), ErrorCode::UnknownBody, "body", "door"),
-        (refused(|r| r.t1_ns = -1), ErrorCode::MessageError, "t1_ns", "-1"),
+        (refused(|r| r.t1_ns = -1), ErrorCode::Malformed, "t1_ns", "-1"),
         (refused(|r| r.run_id = "run-0".into()), ErrorCode::WrongRun, "run_id", "run-0"),
         (refused(|r| r.seq = 5), ErrorCode::OutOfSequence, "seq", "window 5"),
     ];

@@ -28,7 +28,7 @@ fn states_are_kept_by_name() {
     assert!(fault.code == ErrorCode::UnknownState && fault.message.contains("after-1"), "{fault}");
     for bad in ["", "a/b", "ü", &"x".repeat(201)] {
         let fault = lockstep.save(&StateName { name: bad.into() }, &ticket).unwrap_err();
-        assert_eq!(fault.code, ErrorCode::MessageError, "{fault}");
+        assert_eq!(fault.code, ErrorCode::Malformed, "{fault}");
     }
     for k in 0..64 {
         lockstep.save(&StateName { name: format!("s{k}") }, &ticket).unwrap();
@@ -138,9 +138,11 @@ fn a_checkpoint_knows_who_has_driven_and_what_an_answer_is_worth() {
         .unwrap();
     let (mut second, driver) = lockstep();
     second.detach(&driver).unwrap();
-    second.resume("run-1", last.seq, SavedState::of(first.component()), first.memory()).unwrap();
+    second
+        .resume("run-1", last.seq, SavedState::of(first.component()), first.resume_info())
+        .unwrap();
     let ticket = attach(&mut second, "another").unwrap();
-    assert_eq!(second.memory().owners, 2);
+    assert_eq!(second.resume_info().owner_count, 2);
     // Not the old answer: it held under another limit.
     let redo = ask(&mut second, Redo, &last, &ticket).unwrap_err();
     assert_eq!(redo.code, ErrorCode::NothingToRedo, "{redo}");
@@ -158,7 +160,7 @@ fn a_run_is_taken_up_from_its_checkpoint() {
     assert_eq!(first.status(0).durable_seq, 3);
     let kept = SavedState::of(first.component());
     let (mut second, ticket) = lockstep();
-    second.resume("run-1", 3, kept, first.memory()).unwrap();
+    second.resume("run-1", 3, kept, first.resume_info()).unwrap();
     assert_eq!(second.position(), first.position());
     // The last window was answered by a process that is gone; a retry is answered all the same.
     assert_eq!(ask(&mut second, Advance, &window(3), &ticket).unwrap(), straight(3));

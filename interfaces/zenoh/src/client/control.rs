@@ -1,15 +1,15 @@
-//! Requests that are no windows.
+//! Requests other than windows.
 
 use super::Client;
-use super::line::{Ask, read};
-use super::unanswered::{Leads, Unanswered};
+use super::connection::{OutgoingRequest, decode};
+use super::pending::{Effect, PendingRequest};
 use crate::wire::cdr;
 use crate::{Error, random};
 use ballast_protocol::lockstep::{
     AttachReply, AttachRequest, InitRequest, ParameterUpdate, RequestKind, RunPosition, StateName,
 };
 use ballast_protocol::messages::MotionKnot;
-use ballast_protocol::pacer::RealTimeMode;
+use ballast_protocol::real_time::RealTimeMode;
 use ballast_protocol::schema::EmptyRequest;
 use ballast_protocol::to_cdr;
 use serde::Serialize;
@@ -17,194 +17,203 @@ use serde::de::DeserializeOwned;
 use zenoh::bytes::Encoding;
 
 impl Client {
-    /// Asks to become the owner, with the number of the same request before where that was not answered: it may have
-    /// made this client the owner, under a ticket that only its answer tells.
-    pub(super) fn ask_to_drive(&mut self, ask: &AttachRequest) -> Result<AttachReply, Error> {
+    /// Requests ownership; reuses the number of an unanswered identical request.
+    ///
+    /// That request may have made this client the owner, with a ticket that only its reply contains.
+    pub(super) fn send_attach(&mut self, ask: &AttachRequest) -> Result<AttachReply, Error> {
         let text = serde_json::to_vec(ask).unwrap_or_default();
-        let pass = match self.knock.take() {
-            Some((pass, before)) if before == text => pass,
-            _ => self.pass()?,
+        let credentials = match self.pending_attach.take() {
+            Some((credentials, before)) if before == text => credentials,
+            _ => self.new_credentials()?,
         };
-        let attached = self.once(RequestKind::Attach, text.clone(), pass.clone());
+        let attached = self.send_numbered(RequestKind::Attach, text.clone(), credentials.clone());
         if attached.as_ref().is_err_and(|error| error.request_error().is_none()) {
-            self.knock = Some((pass, text));
+            self.pending_attach = Some((credentials, text));
         }
         attached
     }
 
-    /// Keeps the state under a name, over there; it is lost when the component ends.
+    /// Saves the state under a name, until the component ends.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// [`Error::Rejected`], or no reply.
     pub fn save(&mut self, name: &str) -> Result<&RunPosition, Error> {
-        self.check_together()?;
-        self.settle()?;
-        self.position = self.ask(RequestKind::Save, Leads::On, &named(name))?;
+        self.ensure_in_sync()?;
+        self.resolve_pending()?;
+        self.position = self.ask(RequestKind::Save, Effect::Continues, &named(name))?;
         Ok(&self.position)
     }
 
-    /// Goes back to a kept state.
+    /// Restores a saved state.
     ///
     /// # Errors
-    /// What the component refuses; no answer: then the run may be there or not, and every call that would go on from
-    /// where it was is *diverged*, until this one, [`Client::reset`] or [`Client::init`] is answered.
+    /// [`Error::Rejected`], or no reply. Without a reply, later calls that continue the run fail with
+    /// [`Error::Diverged`] until this one, [`Client::reset`] or [`Client::init`] succeeds.
     pub fn restore(&mut self, name: &str) -> Result<&RunPosition, Error> {
-        self.lead(RequestKind::Restore, Leads::Back, &named(name))
+        self.replace_run(RequestKind::Restore, Effect::Restores, &named(name))
     }
 
-    /// Forgets a kept state.
+    /// Deletes a saved state.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// [`Error::Rejected`], or no reply.
     pub fn drop_state(&mut self, name: &str) -> Result<&RunPosition, Error> {
-        // Whatever the run is at, it is no other for it.
-        self.ask(RequestKind::Drop, Leads::On, &named(name))?;
+        // The position of the run does not change.
+        self.ask(RequestKind::Drop, Effect::Continues, &named(name))?;
         Ok(&self.position)
     }
 
-    /// Starts a run of its own from the beginning.
+    /// Starts a new run from the initial state.
     ///
     /// # Errors
-    /// What the component refuses; no answer, with which it is as after [`Client::restore`].
+    /// [`Error::Rejected`], or no reply, see [`Client::restore`].
     pub fn reset(&mut self) -> Result<&RunPosition, Error> {
-        self.lead(RequestKind::Reset, Leads::Anew, &EmptyRequest {})
+        self.replace_run(RequestKind::Reset, Effect::StartsRun, &EmptyRequest {})
     }
 
-    /// Prepares the bed over there, with other choices than the case's where they are given, and starts a run in
-    /// it. Waits as long as for a window.
+    /// Prepares a bed and starts a run in it, with the timeout of a window.
     ///
     /// # Errors
-    /// What the component refuses; no answer, with which it is as after [`Client::restore`].
+    /// [`Error::Rejected`], or no reply, see [`Client::restore`].
     pub fn init(&mut self, ask: &InitRequest) -> Result<&RunPosition, Error> {
-        self.lead(RequestKind::Init, Leads::Anew, ask)
+        self.replace_run(RequestKind::Init, Effect::StartsRun, ask)
     }
 
-    /// Sets parameters for all windows from now on, and for a redo of the last one.
+    /// Sets parameters for all later windows and for a redo of the last one.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// [`Error::Rejected`], or no reply.
     pub fn set_parameters(&mut self, ask: &ParameterUpdate) -> Result<&RunPosition, Error> {
-        self.check_together()?;
-        let asked = Unanswered::SolverParameters(ask.clone());
-        self.settle_other(&asked)?;
-        // Without content it would be a question.
+        self.ensure_in_sync()?;
+        let asked = PendingRequest::Parameters(ask.clone());
+        self.resolve_other_pending(&asked)?;
+        // A request without content would only return the parameters.
         if *ask == ParameterUpdate::default() {
             return Ok(&self.position);
         }
-        self.unanswered = Some(asked);
-        let position =
-            self.ask(RequestKind::Param, Leads::On, ask).map_err(|error| self.without(error))?;
+        self.pending = Some(asked);
+        let position = self
+            .ask(RequestKind::Param, Effect::Continues, ask)
+            .map_err(|error| self.resolve_error(error))?;
         if let Some(run) = &ask.real_time {
             self.is_real_time = run.is_some();
         }
-        Ok(self.begin_at(position))
+        Ok(self.continue_at(position))
     }
 
-    /// Lets time run by itself from now on; bodies then follow what [`Client::put_motion`] sends.
+    /// Starts the real-time mode, in which bodies follow the samples of [`Client::put_motion`].
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// [`Error::Rejected`], or no reply.
     pub fn start_real_time(&mut self, ask: &RealTimeMode) -> Result<&RunPosition, Error> {
-        self.check_together()?;
-        self.settle()?;
-        // Time may run although the answer is lost.
+        self.ensure_in_sync()?;
+        self.resolve_pending()?;
+        // The mode may be active although the reply is lost.
         self.is_real_time = true;
         let real_time = Some(Some(ask.clone()));
         let ask = ParameterUpdate { real_time, ..ParameterUpdate::default() };
         if let Err(error) = self.set_parameters(&ask) {
-            self.is_real_time = error.request_error().is_none() && self.apart.is_none();
+            self.is_real_time = error.request_error().is_none() && self.diverged_at.is_none();
             return Err(error);
         }
         Ok(&self.position)
     }
 
-    /// Time runs by itself no more: where it has come to.
+    /// Stops the real-time mode and returns the position of the run.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// [`Error::Rejected`], or no reply.
     pub fn stop_real_time(&mut self) -> Result<&RunPosition, Error> {
         let ask = ParameterUpdate { real_time: Some(None), ..ParameterUpdate::default() };
         self.set_parameters(&ask)
     }
 
-    /// Sends a sample of a body's motion, for time that runs by itself; its time is of a clock of the caller's own.
-    /// It is not answered: whether anybody heeds it is known by what the component tells of itself twice a second.
+    /// Sends a motion sample of a body in real-time mode, with a time of the caller's clock.
+    ///
+    /// There is no reply; the heartbeat of the component shows whether this client is still the owner.
     ///
     /// # Errors
-    /// The session breaks down; the component is not there, or has told that this client does not drive any more.
+    /// The session fails, the component is disconnected, or this client is no longer the owner.
     pub fn put_motion(&self, body: &str, sample: &MotionKnot) -> Result<(), Error> {
-        let bytes = to_cdr(sample).map_err(|e| Error::unwritten("motion", e))?;
-        self.line.put(self.line.keys().input(body), bytes, cdr::<MotionKnot>(), &self.ticket)?;
-        self.line.expect_heed("motion", &self.id, &self.ticket, self.beats)
+        let bytes = to_cdr(sample).map_err(|e| Error::unencodable("motion", e))?;
+        self.connection.put(
+            self.connection.keys().input(body),
+            bytes,
+            cdr::<MotionKnot>(),
+            &self.ticket,
+        )?;
+        self.connection.ensure_owner("motion", &self.id, &self.ticket, self.heartbeats)
     }
 
-    /// Leaves; the run stays where it is.
+    /// Ends the ownership; the run stays at its position.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// [`Error::Rejected`], or no reply.
     pub fn detach(mut self) -> Result<RunPosition, Error> {
-        self.ask(RequestKind::Detach, Leads::On, &EmptyRequest {})
+        self.ask(RequestKind::Detach, Effect::Continues, &EmptyRequest {})
     }
 
-    /// Ends the component.
+    /// Shuts the component down.
     ///
     /// # Errors
-    /// What the component refuses; no answer.
+    /// [`Error::Rejected`], or no reply.
     pub fn shut_down(mut self) -> Result<RunPosition, Error> {
-        self.ask(RequestKind::Shutdown, Leads::On, &EmptyRequest {})
+        self.ask(RequestKind::Shutdown, Effect::Continues, &EmptyRequest {})
     }
 
-    /// Asks for what leads elsewhere than the windows so far.
-    fn lead(
+    /// Asks for what effect elsewhere than the windows so far.
+    fn replace_run(
         &mut self,
         verb: RequestKind,
-        leads: Leads,
+        effect: Effect,
         what: &impl Serialize,
     ) -> Result<&RunPosition, Error> {
-        match self.ask(verb, leads, what) {
-            Ok(position) => Ok(self.begin_anew(position)),
+        match self.ask(verb, effect, what) {
+            Ok(position) => Ok(self.continue_paused_at(position)),
             Err(error) => {
                 if error.request_error().is_none() {
-                    self.may_be_elsewhere(verb);
+                    self.set_possibly_diverged(verb);
                 }
                 Err(error)
             }
         }
     }
 
-    /// Asks for what leads to a position.
+    /// Asks for what effect to a position.
     fn ask(
         &mut self,
         verb: RequestKind,
-        leads: Leads,
+        effect: Effect,
         what: &impl Serialize,
     ) -> Result<RunPosition, Error> {
         let text = serde_json::to_vec(what).unwrap_or_default();
-        self.returning(leads, |client| client.once(verb, text.clone(), client.pass()?))
+        self.with_ownership(effect, |client| {
+            client.send_numbered(verb, text.clone(), client.new_credentials()?)
+        })
     }
 
-    /// The ticket, and a number of the request's own.
-    fn pass(&self) -> Result<String, Error> {
+    /// Returns the ticket with a new request number.
+    fn new_credentials(&self) -> Result<String, Error> {
         Ok(format!("{};{}", self.ticket, random()?))
     }
 
-    /// A request with its number.
-    fn once<T: DeserializeOwned>(
+    /// Sends a request with a number, which identifies its retries.
+    fn send_numbered<T: DeserializeOwned>(
         &self,
         verb: RequestKind,
         text: Vec<u8>,
-        pass: String,
+        credentials: String,
     ) -> Result<T, Error> {
-        let timeouts = &self.line.timeouts;
-        // A bed is prepared in the time of a window.
-        let allowed = if verb == RequestKind::Init { timeouts.window } else { timeouts.control };
-        let ask = Ask {
-            request: verb.word(),
-            key: self.line.keys().control(verb.word()),
+        let timeouts = &self.connection.timeouts;
+        // Preparing a bed has the timeout of a window.
+        let timeout = if verb == RequestKind::Init { timeouts.window } else { timeouts.control };
+        let ask = OutgoingRequest {
+            request: verb.name(),
+            key: self.connection.keys().control(verb.name()),
             payload: Some((text, Encoding::APPLICATION_JSON)),
-            pass,
+            credentials,
         };
-        read(verb.word(), &self.line.call(&ask, allowed)?)
+        decode(verb.name(), &self.connection.call(&ask, timeout)?)
     }
 }
 

@@ -1,4 +1,4 @@
-//! The windows that a component would lose if it died now: its client can ask for them again.
+//! Journal of the windows that a crash of the component would lose, so that the client can repeat them.
 
 use ballast_protocol::lockstep::RunPosition;
 use ballast_protocol::messages::{
@@ -7,19 +7,20 @@ use ballast_protocol::messages::{
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-/// Most windows, and most knots of theirs, that are remembered.
-const MOST_WINDOWS: usize = 100_000;
-const MOST_KNOTS: usize = 1_000_000;
+/// Maximum number of windows in the journal.
+const MAX_WINDOWS: usize = 100_000;
+/// Maximum number of knots of all windows in the journal.
+const MAX_KNOTS: usize = 1_000_000;
 
-/// A window that was answered.
-pub(super) struct Entry {
-    /// As it leads to the same state again.
+/// Window with its reply.
+pub(super) struct JournalEntry {
+    /// As it effect to the same state again.
     pub request: Arc<AdvanceRequest>,
-    /// State hash before and after.
+    /// State hashes before and after.
     pub hashes: [String; 2],
 }
 
-/// A window as it is asked for again: up to where it ended, however long that takes. One that was taken back leads
+/// A window as it is asked for again: up to where it ended, however long that takes. One that was taken back effect
 /// nowhere; it has its number.
 fn repeatable(mut request: Arc<AdvanceRequest>, reply: &AdvanceReply) -> Arc<AdvanceRequest> {
     if request.deadline_ms == 0 && matches!(reply.status, ReplyStatus::Ok | ReplyStatus::Warn) {
@@ -42,13 +43,13 @@ fn repeatable(mut request: Arc<AdvanceRequest>, reply: &AdvanceReply) -> Arc<Adv
 
 #[derive(Default)]
 pub(super) struct Journal {
-    entries: VecDeque<Entry>,
+    entries: VecDeque<JournalEntry>,
     knots: usize,
 }
 
 impl Journal {
-    /// Takes a window that led from `before` to what `reply` says; a redo replaces the window.
-    pub fn take(
+    /// Records a window that led from `before` to the state of `reply`; a redo replaces the window.
+    pub fn record(
         &mut self,
         request: Arc<AdvanceRequest>,
         before: &RunPosition,
@@ -64,15 +65,15 @@ impl Journal {
         } else if before.seq + 1 == request.seq {
             self.push(request, [before.hash.clone(), hash(&reply.hash)]);
         } else {
-            // A redo of a window that is not remembered.
+            // A redo of a window that is not in the journal.
             self.clear();
         }
     }
 
     fn push(&mut self, request: Arc<AdvanceRequest>, hashes: [String; 2]) {
         self.knots += knots(&request);
-        self.entries.push_back(Entry { request, hashes });
-        while self.entries.len() > MOST_WINDOWS || self.knots > MOST_KNOTS {
+        self.entries.push_back(JournalEntry { request, hashes });
+        while self.entries.len() > MAX_WINDOWS || self.knots > MAX_KNOTS {
             self.drop_first();
         }
     }
@@ -83,8 +84,8 @@ impl Journal {
         }
     }
 
-    /// Forgets windows that survive a crash.
-    pub fn keep_after(&mut self, durable_seq: u64) {
+    /// Removes windows that survive a crash.
+    pub fn discard_through(&mut self, durable_seq: u64) {
         // The last one stays: it may be redone.
         while self.entries.len() > 1 && self.entries[0].request.seq <= durable_seq {
             self.drop_first();
@@ -96,10 +97,10 @@ impl Journal {
         self.knots = 0;
     }
 
-    /// The windows after `position`, if they are all there and begin in its state, and the hash that each leads to.
+    /// The windows after `position`, if they are all there and begin in its state, and the hash that each effect to.
     pub fn after(&self, position: &RunPosition) -> Option<Vec<(Arc<AdvanceRequest>, String)>> {
         let first = self.entries.iter().position(|e| e.request.seq == position.seq + 1)?;
-        let again = |e: &Entry| (Arc::clone(&e.request), e.hashes[1].clone());
+        let again = |e: &JournalEntry| (Arc::clone(&e.request), e.hashes[1].clone());
         (self.entries[first].hashes[0] == position.hash)
             .then(|| self.entries.iter().skip(first).map(again).collect())
     }

@@ -6,13 +6,14 @@
 //! elsewhere than it left it goes on only from a kept state or from the beginning. Every call ends: with the answer, with
 //! what the component refuses, with *diverged*, or with *slow* or *peer lost*; in time, where the wire takes what is sent.
 
+mod connection;
 mod control;
 mod journal;
-mod line;
-mod presence;
-mod unanswered;
+mod liveness;
+mod pending;
+mod recovery;
 
-pub use line::{Connection, Timeouts};
+pub use connection::{Connection, Timeouts};
 
 use crate::wire::cdr;
 use crate::{Error, SessionConfig, random};
@@ -22,38 +23,38 @@ use ballast_protocol::lockstep::{
 };
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, BodyLoad, BodyMotion, core_ns};
 use ballast_protocol::{from_cdr, to_cdr};
+use connection::OutgoingRequest;
 use journal::Journal;
-use line::Ask;
+use pending::{Effect, PendingRequest};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;
-use unanswered::{Leads, Unanswered};
 use zenoh::liveliness::LivelinessToken;
 
 /// The owner of a component.
 pub struct Client {
-    line: Connection,
+    connection: Connection,
     id: String,
     _token: LivelinessToken,
     ticket: String,
     /// How many had driven when this client became the owner.
-    owners: u64,
+    owner_count: u64,
     position: RunPosition,
     journal: Journal,
     /// Time was let run by itself: where it is, nobody knows beforehand.
     is_real_time: bool,
     /// How many times the component had told what it does when this client last became its owner.
-    beats: u64,
-    /// The component may have lost sight of this client, or is not where it was left: to be seen to first.
-    is_behind: bool,
+    heartbeats: u64,
+    /// The component may have lost sight of this client, or is not where it was left: to be snapshot to first.
+    must_reattach: bool,
     /// What was asked, and not answered yet.
-    unanswered: Option<Unanswered>,
-    /// Where the component was found, as if what is unanswered had been done.
-    guess: Option<RunPosition>,
+    pending: Option<PendingRequest>,
+    /// Where the component was found, as if what is pending had been done.
+    assumed_position: Option<RunPosition>,
     /// Where the run is, in words, after it has gone on without this client, or may have.
-    apart: Option<String>,
+    diverged_at: Option<String>,
     /// The number and the text of a request to drive that was not answered: it may have had its effect.
-    knock: Option<(String, Vec<u8>)>,
+    pending_attach: Option<(String, Vec<u8>)>,
 }
 
 impl Client {
@@ -86,32 +87,32 @@ impl Client {
     ) -> Result<Self, Error> {
         // A name of its own for every connection: the token of one that is gone says so.
         let id = format!("{name}-{}", &random()?[..8]);
-        let line = Connection::open_cancellable(component, link, timeouts, cancelled)?;
-        let token = line.come_alive(&id)?;
-        let (ticket, owners, position, journal) = Default::default();
-        let (is_real_time, beats, is_behind) = (false, 0, false);
-        let (unanswered, guess, apart, knock) = (None, None, None, None);
+        let connection = Connection::open_cancellable(component, link, timeouts, cancelled)?;
+        let token = connection.declare_client(&id)?;
+        let (ticket, owner_count, position, journal) = Default::default();
+        let (is_real_time, heartbeats, must_reattach) = (false, 0, false);
+        let (pending, assumed_position, diverged_at, pending_attach) = (None, None, None, None);
         let mut client = Self {
-            line,
+            connection,
             id,
             _token: token,
             ticket,
-            owners,
+            owner_count,
             position,
             journal,
             is_real_time,
-            beats,
-            is_behind,
-            unanswered,
-            guess,
-            apart,
-            knock,
+            heartbeats,
+            must_reattach,
+            pending,
+            assumed_position,
+            diverged_at,
+            pending_attach,
         };
         let run_id = run_id.map(str::to_string);
         let ask = AttachRequest { client: client.id.clone(), run_id, ticket: None };
-        let attached = client.ask_to_drive(&ask)?;
-        (client.ticket, client.owners) = (attached.ticket, attached.owner_count);
-        (client.position, client.beats) = (attached.position, client.line.beats());
+        let attached = client.send_attach(&ask)?;
+        (client.ticket, client.owner_count) = (attached.ticket, attached.owner_count);
+        (client.position, client.heartbeats) = (attached.position, client.connection.heartbeats());
         Ok(client)
     }
 
@@ -127,7 +128,7 @@ impl Client {
 
     /// The line, for looking, and for giving up.
     pub fn connection(&self) -> &Connection {
-        &self.line
+        &self.connection
     }
 
     /// What the component says of itself.
@@ -135,7 +136,7 @@ impl Client {
     /// # Errors
     /// No answer, or none that can be read.
     pub fn describe(&self) -> Result<ComponentDescription, Error> {
-        self.line.describe()
+        self.connection.describe()
     }
 
     /// What the component is doing.
@@ -143,7 +144,7 @@ impl Client {
     /// # Errors
     /// No answer, or none that can be read.
     pub fn status(&self) -> Result<StatusReport, Error> {
-        self.line.status()
+        self.connection.status()
     }
 
     /// The request of the next window, to `t1_ns`: without inputs, without a deadline.
@@ -197,56 +198,57 @@ impl Client {
         request: impl Into<Arc<AdvanceRequest>>,
     ) -> Result<AdvanceReply, Error> {
         let request = request.into();
-        self.check_together()?;
-        let asked = Unanswered::Window(kind, Arc::clone(&request));
-        self.settle_other(&asked)?;
-        self.unanswered = Some(asked);
-        let result = self.returning(Leads::On, |client| client.deliver(kind, &request));
-        let reply = result.map_err(|error| self.without(error))?;
-        (self.unanswered, self.guess) = (None, None);
-        self.journal.take(request, &self.position, &reply);
-        self.go_to(&reply);
-        if let Some(status) = self.line.last_status()
+        self.ensure_in_sync()?;
+        let asked = PendingRequest::Window(kind, Arc::clone(&request));
+        self.resolve_other_pending(&asked)?;
+        self.pending = Some(asked);
+        let result =
+            self.with_ownership(Effect::Continues, |client| client.deliver(kind, &request));
+        let reply = result.map_err(|error| self.resolve_error(error))?;
+        (self.pending, self.assumed_position) = (None, None);
+        self.journal.record(request, &self.position, &reply);
+        self.set_position(&reply);
+        if let Some(status) = self.connection.last_status()
             && status.position.run_id == self.position.run_id
         {
-            self.journal.keep_after(status.durable_seq);
+            self.journal.discard_through(status.durable_seq);
         }
         Ok(reply)
     }
 
     /// Whether a request may have had its effect although its answer is lost: the same one again is safe.
-    pub fn is_waiting(&self) -> bool {
-        self.unanswered.is_some()
+    pub fn has_pending(&self) -> bool {
+        self.pending.is_some()
     }
 
-    fn go_to(&mut self, reply: &AdvanceReply) {
+    fn set_position(&mut self, reply: &AdvanceReply) {
         self.position.seq = reply.seq;
         self.position.now_ns = core_ns(reply.t1_ns);
         self.position.hash = reply.hash.to_string();
     }
 
     fn deliver(&self, kind: WindowKind, request: &AdvanceRequest) -> Result<AdvanceReply, Error> {
-        let verb = RequestKind::Window(kind).word();
-        let timeouts = &self.line.timeouts;
+        let verb = RequestKind::Window(kind).name();
+        let timeouts = &self.connection.timeouts;
         let allowed = match request.deadline_ms {
             0 => timeouts.window,
             ms => Duration::from_millis(ms.into()) + timeouts.deadline_margin,
         };
-        let bytes = to_cdr(request).map_err(|e| Error::unwritten(verb, e))?;
-        let ask = Ask {
+        let bytes = to_cdr(request).map_err(|e| Error::unencodable(verb, e))?;
+        let ask = OutgoingRequest {
             request: verb,
-            key: self.line.keys().control(verb),
+            key: self.connection.keys().control(verb),
             payload: Some((bytes, cdr::<AdvanceRequest>())),
-            pass: self.ticket.clone(),
+            credentials: self.ticket.clone(),
         };
-        let answer = self.line.call(&ask, allowed)?;
-        let reply: AdvanceReply = from_cdr(&answer).map_err(|e| Error::answer(verb, e))?;
+        let answer = self.connection.call(&ask, allowed)?;
+        let reply: AdvanceReply = from_cdr(&answer).map_err(|e| Error::bad_reply(verb, e))?;
         if (reply.seq, &reply.run_id) == (request.seq, &request.run_id) {
             return Ok(reply);
         }
         let found = format!("window {} of run {}", reply.seq, reply.run_id);
         let what =
             format!("expected window {} of run {}, found {found}", request.seq, request.run_id);
-        Err(Error::answer(verb, what))
+        Err(Error::bad_reply(verb, what))
     }
 }

@@ -1,62 +1,63 @@
-//! Serves a component: requests come in through Zenoh, one after the other go through its lockstep, answers
-//! go out.
+//! Server of a component: receives requests through Zenoh, executes them in lockstep, and replies.
 //!
 //! Contract:
-//! * One thread computes, the one that calls [`Server::run`]. While it does, `ctl/status` and `describe` are
-//!   answered, others than the owner refused, and the heartbeat goes on.
-//! * Requests that wait are bounded in number and bytes; what is beyond is refused at once.
-//! * An owner is a client that is alive: when its token is gone, so is its ownership, and the run holds.
+//! * One thread computes, the one that calls [`Server::run`]. Meanwhile other threads answer `ctl/status` and `describe`,
+//!   refuse clients other than the owner, and publish the heartbeat.
+//! * The queue of requests is bounded in number and bytes; requests beyond are refused at once.
+//! * Ownership requires a liveliness token: when it vanishes, the ownership ends and the run is paused.
 
-mod answer;
-mod gate;
+mod admission;
 mod heartbeat;
-mod inputs;
-mod memory;
-mod outlets;
-mod pictures;
+mod publishers;
+mod real_time;
+mod reply;
+mod reply_cache;
+mod request;
 mod requests;
-mod running;
-mod shared;
+mod sample_queue;
+mod status;
+mod viewer;
 
-use crate::keys::last;
+use crate::keys::last_segment;
 use crate::{DISCONNECT_TIMEOUT, Error, HEARTBEAT_INTERVAL, Keys, SessionConfig};
 use ballast::component::Component;
 use ballast_protocol::description::ComponentDescription;
 use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_protocol::pacer::Pacer;
-use gate::Call;
 use heartbeat::Heartbeat;
-use inputs::Inputs;
-use memory::Answered;
-use outlets::Outlets;
-use pictures::Pictures;
-use shared::Shared;
+use publishers::Publishers;
+use reply_cache::ReplyCache;
+use request::ServerEvent;
+use sample_queue::SampleQueue;
+use status::SharedStatus;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use viewer::ViewerStream;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::{Session, Wait};
 
-/// How long the computing thread sleeps at most before it looks whether it is to stop.
-const DOZE: Duration = Duration::from_millis(50);
+/// Maximum time between two checks for a stop request.
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
-/// How long a session stays open after the last word.
-const LINGER: Duration = Duration::from_millis(100);
+/// Delay between the last message and the end of the session.
+const CLOSE_DELAY: Duration = Duration::from_millis(100);
 
-/// What is done beside answering; called by the computing thread.
+/// Hooks of a server, called by the computing thread: checkpoints, recording, messages, preparation.
 pub trait ServerHooks: Send {
-    /// Partners find the component from now on, and its status tells this run.
+    /// Called when clients can find the component and its status names the run.
     fn opened(&mut self, _lockstep: &Lockstep) {}
 
-    /// An owner is lost or leaves, the run was taken elsewhere, or the component quits: the state should be
-    /// kept; whether it is.
-    fn keep(&mut self, _lockstep: &Lockstep) -> bool {
+    /// Writes a checkpoint, because an owner leaves, the state was replaced or the component shuts down.
+    ///
+    /// Returns true if a checkpoint of the current state exists.
+    fn write_checkpoint(&mut self, _lockstep: &Lockstep) -> bool {
         false
     }
 
-    /// A window was computed and answered; whether the state was kept.
-    fn computed(
+    /// Called after a window was computed and answered; returns true if a checkpoint was written.
+    fn window_computed(
         &mut self,
         _lockstep: &Lockstep,
         _kind: WindowKind,
@@ -66,252 +67,243 @@ pub trait ServerHooks: Send {
         false
     }
 
-    /// Nothing was asked for a moment; whether the state is kept now.
-    fn rests(&mut self, _lockstep: &Lockstep) -> bool {
+    /// Called periodically while no request arrives; returns true if a checkpoint of the current state exists.
+    fn idle(&mut self, _lockstep: &Lockstep) -> bool {
         false
     }
 
-    /// The state is another one at the same place: parameters were set.
-    fn changed(&mut self) {}
+    /// Called after parameters were changed.
+    fn parameters_changed(&mut self) {}
 
-    /// The run was taken to a kept state, or back to the beginning.
-    fn run_replaced(&mut self, _lockstep: &Lockstep) {}
+    /// Called after the state was replaced by `restore`, `reset` or `init`.
+    fn state_replaced(&mut self, _lockstep: &Lockstep) {}
 
-    /// Prepares a component, the computing thread waiting for it; the run then begins anew with it.
+    /// Prepares the component of an `init` request, while the computing thread waits.
     ///
     /// # Errors
-    /// Why there is none; the run, if there is one, stays as it is.
-    fn init(&mut self, _ask: &InitRequest) -> Result<Component, RequestError> {
-        let message = "init: this component was prepared when it was started; `reset` begins anew";
+    /// The reason why there is none; an existing run stays unchanged.
+    fn prepare(&mut self, _request: &InitRequest) -> Result<Component, RequestError> {
+        let message = "init: the component was prepared at start; use `reset` to start a new run";
         Err(RequestError::new(ErrorCode::InitFailed, message))
     }
 
-    /// Something that a person may want to know.
-    fn note(&mut self, _text: &str) {}
+    /// Receives messages for people.
+    fn log(&mut self, _text: &str) {}
 
-    /// Whether to stop serving: asked between requests, and between the steps of a window, which is then
-    /// taken back.
+    /// Returns true to stop the server; polled between requests and between steps, and a running window is rolled back.
     fn is_stopped(&self) -> bool {
         false
     }
 }
 
-/// Does nothing beside.
 impl ServerHooks for () {}
 
-/// A component on the network.
+/// Server of a component.
 pub struct Server {
     link: SessionConfig,
     endpoints: Vec<String>,
     session: Session,
     keys: Keys,
-    shared: Arc<Shared>,
-    inbox: Receiver<Call>,
-    inputs: Inputs,
+    shared: Arc<SharedStatus>,
+    inbox: Receiver<ServerEvent>,
+    inputs: SampleQueue,
     heartbeat: Heartbeat,
-    pictures: Option<Pictures>,
+    viewer: Option<ViewerStream>,
 }
 
-/// A component that is served.
+/// Component that is being served.
 struct Service<'a> {
     session: &'a Session,
     keys: &'a Keys,
-    shared: Arc<Shared>,
+    shared: Arc<SharedStatus>,
     lockstep: Lockstep,
-    host: &'a mut dyn ServerHooks,
-    outlets: Outlets,
-    answered: Answered,
+    hooks: &'a mut dyn ServerHooks,
+    publishers: Publishers,
+    replies: ReplyCache,
     alive: Option<LivelinessToken>,
-    inputs: Inputs,
-    /// While time runs by itself.
+    inputs: SampleQueue,
+    /// Pacer of the real-time mode, while it is active.
     pacer: Option<Pacer>,
-    pictures: Option<Pictures>,
+    viewer: Option<ViewerStream>,
 }
 
 impl Server {
-    /// Opens the session and declares the component's keys. Until [`Server::run`] it tells that it is
-    /// preparing; whoever wants to attach waits.
+    /// Opens the session and declares the component's keys.
+    ///
+    /// The state is `PREPARING` until [`Server::run`]; requests to attach are queued.
     ///
     /// # Errors
-    /// A name or a link that cannot be used.
+    /// An invalid name, or a session that cannot be opened.
     pub fn open(name: &str, link: &SessionConfig) -> Result<Self, Error> {
         let keys = Keys::of(name)?;
         let session = link.open()?;
-        let shared = Arc::new(Shared::settling());
-        // Bounded by `Shared::admit` and by the samples that wait.
+        let shared = Arc::new(SharedStatus::preparing());
+        // Bounded by `SharedStatus::admit` and by the sample queue.
         let (sender, inbox) = channel();
-        let inputs = Inputs::declare(&session, &keys, &shared, sender.clone())?;
-        gate::open(&session, &keys, &shared, sender)?;
+        let inputs = SampleQueue::declare(&session, &keys, &shared, sender.clone())?;
+        admission::declare(&session, &keys, &shared, sender)?;
         let heartbeat = Heartbeat::start(&session, &keys, &shared)?;
         let endpoints = link.listen_endpoints()?;
         let link = link.clone();
-        Ok(Self {
-            link,
-            endpoints,
-            session,
-            keys,
-            shared,
-            inbox,
-            inputs,
-            heartbeat,
-            pictures: None,
-        })
+        Ok(Self { link, endpoints, session, keys, shared, inbox, inputs, heartbeat, viewer: None })
     }
 
-    /// The same, sending pictures for viewers on a session of their own, at most one in `every`: however slow a viewer
-    /// is, it holds nobody up.
+    /// Adds a visualization stream on a separate session, at most one frame per `interval`.
+    ///
+    /// A slow viewer delays neither the component nor other clients.
     ///
     /// # Errors
-    /// A link that cannot be used.
-    pub fn with_viewer(mut self, link: &SessionConfig, every: Duration) -> Result<Self, Error> {
-        self.pictures = Some(Pictures::start(link, &self.keys, every)?);
+    /// A session that cannot be opened.
+    pub fn with_viewer(mut self, link: &SessionConfig, interval: Duration) -> Result<Self, Error> {
+        self.viewer = Some(ViewerStream::start(link, &self.keys, interval)?);
         Ok(self)
     }
 
-    /// The endpoints that it listens on.
+    /// Returns the endpoints that the server listens on.
     pub fn endpoints(&self) -> &[String] {
         &self.endpoints
     }
 
-    /// Whether partners that are peers, as they are without a word, do not find it: it has a router, and is itself a peer
-    /// and no client of it.
+    /// Returns true if clients in the default mode `peer` cannot find the server, because both are peers of one router.
     pub fn is_isolated_by_router(&self) -> bool {
         self.link.is_isolated_by_router(&self.session)
     }
 
-    /// Waits until no other component is alive under this key, as one that was killed is for a moment. [`Server::run`]
-    /// does so, too; whoever replaces or prepares something before may look earlier.
+    /// Waits until no other component is alive under this key; a killed one stays alive for a moment.
+    ///
+    /// [`Server::run`] does the same; call it earlier before files are replaced.
     ///
     /// # Errors
-    /// It stays: partners could not tell the two apart.
+    /// Another component serves this key.
     pub fn ensure_unique(&self) -> Result<(), Error> {
         ensure_unique(&self.session, &self.keys)
     }
 
-    /// Serves until the component is shut down or the host stops; gives back the lockstep.
+    /// Serves until the component is shut down or the hooks stop it; returns the lockstep.
     ///
     /// # Errors
-    /// The session breaks down.
-    pub fn run(self, lockstep: Lockstep, host: &mut dyn ServerHooks) -> Result<Lockstep, Error> {
-        let Self { session, keys, shared, inbox, inputs, heartbeat, pictures, .. } = self;
-        let outlets = Outlets::declare(&session, &keys, &shared, lockstep.component().model())?;
+    /// The session fails.
+    pub fn run(self, lockstep: Lockstep, hooks: &mut dyn ServerHooks) -> Result<Lockstep, Error> {
+        let Self { session, keys, shared, inbox, inputs, heartbeat, viewer, .. } = self;
+        let publishers =
+            Publishers::declare(&session, &keys, &shared, lockstep.component().model())?;
         let mut service = Service {
             session: &session,
             keys: &keys,
             shared,
             lockstep,
-            host,
-            outlets,
-            answered: Answered::default(),
+            hooks,
+            publishers,
+            replies: ReplyCache::default(),
             alive: None,
             inputs,
             pacer: None,
-            pictures,
+            viewer,
         };
-        service.picture(None);
-        service.describe();
-        service.show();
+        service.update_viewer(None);
+        service.publish_description();
+        service.publish_status();
         ensure_unique(service.session, service.keys)?;
-        service.come_alive()?;
-        service.host.opened(&service.lockstep);
+        service.declare_alive()?;
+        service.hooks.opened(&service.lockstep);
         service.serve(&inbox)?;
-        service.lockstep.quit();
-        service.keep();
-        service.show();
+        service.lockstep.stop();
+        service.write_checkpoint();
+        service.publish_status();
         while let Ok(call) = inbox.try_recv() {
-            if let Call::Request(request) = call {
+            if let ServerEvent::Request(request) = call {
                 service.refuse(&request);
             }
         }
-        heartbeat.end();
-        let Service { lockstep, alive, outlets, .. } = service;
-        drop((alive, outlets));
-        // Zenoh collects small messages for a moment before it sends them, and a session that closes does
-        // not wait for them: the last refusals and the last status would be lost.
-        std::thread::sleep(LINGER);
-        session.close().wait().map_err(|e| Error::link("zenoh", e))?;
+        heartbeat.stop();
+        let Service { lockstep, alive, publishers, .. } = service;
+        drop((alive, publishers));
+        // Zenoh batches small messages and drops them when a session closes: the last refusals and the last status
+        // would be lost.
+        std::thread::sleep(CLOSE_DELAY);
+        session.close().wait().map_err(|e| Error::transport("zenoh", e))?;
         Ok(lockstep)
     }
 }
 
 impl Service<'_> {
-    fn serve(&mut self, inbox: &Receiver<Call>) -> Result<(), Error> {
-        while !self.shared.is_quitting() && !self.host.is_stopped() {
-            let most = self.run_on().unwrap_or(DOZE).min(DOZE);
-            match inbox.recv_timeout(most) {
-                Ok(Call::Request(request)) => self.request(*request)?,
-                Ok(Call::Input) => {}
-                Err(RecvTimeoutError::Timeout) => self.rest(),
+    fn serve(&mut self, inbox: &Receiver<ServerEvent>) -> Result<(), Error> {
+        while !self.shared.is_shutting_down() && !self.hooks.is_stopped() {
+            let wait = self.advance_real_time().unwrap_or(POLL_INTERVAL).min(POLL_INTERVAL);
+            match inbox.recv_timeout(wait) {
+                Ok(ServerEvent::Request(request)) => self.handle(*request)?,
+                Ok(ServerEvent::Samples) => {}
+                Err(RecvTimeoutError::Timeout) => self.on_idle(),
                 Err(RecvTimeoutError::Disconnected) => break,
             }
-            if let Some(client) = self.shared.take_lost_owner()
-                && self.lockstep.lost(&client)
+            if let Some(client) = self.shared.take_disconnected_owner()
+                && self.lockstep.client_disconnected(&client)
             {
-                self.answered.forget();
-                self.stop_real_time("its owner is gone");
-                self.say(&format!("{client:?} is gone; the run holds"));
-                self.keep();
-                self.show();
+                self.replies.clear();
+                self.stop_real_time("the owner disconnected");
+                self.log(&format!("{client:?} disconnected; the run is paused"));
+                self.write_checkpoint();
+                self.publish_status();
             }
         }
         Ok(())
     }
 
-    /// Nothing was asked for a while.
-    fn rest(&mut self) {
-        if self.host.rests(&self.lockstep) {
+    /// Lets the hooks write a checkpoint while no request arrives.
+    fn on_idle(&mut self) {
+        if self.hooks.idle(&self.lockstep) {
             self.lockstep.note_durable();
-            self.show();
+            self.publish_status();
         }
     }
 
-    /// Shows what the component is doing between two requests.
-    fn show(&self) {
+    /// Publishes the status between two requests.
+    fn publish_status(&self) {
         let mut status = self.lockstep.status(self.shared.now_ms());
         if let Some(pacer) = &self.pacer {
-            pacer.tell(&mut status, self.shared.now_ns());
+            pacer.write_status(&mut status, self.shared.now_ns());
         }
-        self.shared.show(&self.lockstep, status);
+        self.shared.set_status(&self.lockstep, status);
     }
 
-    fn keep(&mut self) {
-        if self.host.keep(&self.lockstep) {
+    fn write_checkpoint(&mut self) {
+        if self.hooks.write_checkpoint(&self.lockstep) {
             self.lockstep.note_durable();
         }
     }
 
-    /// Describes the component: its bodies, and what is set.
-    fn describe(&self) {
+    /// Publishes the description of the component.
+    fn publish_description(&self) {
         let description = self.lockstep.is_configured().then(|| {
             let viewer_endpoints =
-                self.pictures.as_ref().map_or(Vec::new(), |p| p.endpoints.clone());
+                self.viewer.as_ref().map_or(Vec::new(), |viewer| viewer.endpoints.clone());
             ComponentDescription {
                 viewer_endpoints,
                 ..ComponentDescription::of(self.keys.name(), &self.lockstep)
             }
         });
-        self.shared.describe(description);
+        self.shared.set_description(description);
     }
 
-    /// Shows viewers where the run is.
-    fn picture(&mut self, reply: Option<&AdvanceReply>) {
-        if let Some(pictures) = &mut self.pictures {
-            pictures.show(self.lockstep.component(), reply);
+    /// Sends the state to viewers.
+    fn update_viewer(&mut self, reply: Option<&AdvanceReply>) {
+        if let Some(viewer) = &mut self.viewer {
+            viewer.show(self.lockstep.component(), reply);
         }
     }
 
-    /// Tells people here and observers.
-    fn say(&mut self, text: &str) {
-        self.host.note(text);
-        self.outlets.log(self.lockstep.component().now_ns(), text);
+    /// Logs a message for people, here and on the key `log`.
+    fn log(&mut self, text: &str) {
+        self.hooks.log(text);
+        self.publishers.log(self.lockstep.component().now_ns(), text);
     }
 
-    /// Declares the component alive in its run.
-    fn come_alive(&mut self) -> Result<(), Error> {
+    /// Declares the liveliness token of the current run.
+    fn declare_alive(&mut self) -> Result<(), Error> {
         let key = self.keys.alive(&self.lockstep.position().run_id);
         let token = self.session.liveliness().declare_token(key).wait();
-        // The new token is there before the old one goes: nobody sees the component die.
-        self.alive = Some(token.map_err(|e| Error::link("zenoh", e))?);
+        // The new token is declared before the old one is dropped, so that clients see no gap.
+        self.alive = Some(token.map_err(|e| Error::transport("zenoh", e))?);
         Ok(())
     }
 }
@@ -320,18 +312,18 @@ fn ensure_unique(session: &Session, keys: &Keys) -> Result<(), Error> {
     let begin = Instant::now();
     while let Some(run) = find_token(session, keys.alive_any(), DISCONNECT_TIMEOUT)? {
         if begin.elapsed() > 3 * DISCONNECT_TIMEOUT {
-            let found = format!("expected nobody alive there, found run {run}");
-            return Err(Error::link(format!("key {}", keys.name()), found));
+            let found = format!("key is already served by run {run}");
+            return Err(Error::transport(format!("key {}", keys.name()), found));
         }
         std::thread::sleep(HEARTBEAT_INTERVAL);
     }
     Ok(())
 }
 
-/// The last word of a liveliness token of others under `key`, if one is found within `most`.
-fn find_token(session: &Session, key: String, most: Duration) -> Result<Option<String>, Error> {
-    let tokens = session.liveliness().get(key).timeout(most).wait();
-    let tokens = tokens.map_err(|e| Error::link("zenoh", e))?;
+/// Returns the last segment of a liveliness token under `key` that is found within `timeout`.
+fn find_token(session: &Session, key: String, timeout: Duration) -> Result<Option<String>, Error> {
+    let tokens = session.liveliness().get(key).timeout(timeout).wait();
+    let tokens = tokens.map_err(|e| Error::transport("zenoh", e))?;
     let alive = std::iter::from_fn(|| tokens.recv().ok()).find_map(|r| r.into_result().ok());
-    Ok(alive.map(|token| last(token.key_expr().as_str()).to_string()))
+    Ok(alive.map(|token| last_segment(token.key_expr().as_str()).to_string()))
 }

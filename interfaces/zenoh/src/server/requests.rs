@@ -1,10 +1,10 @@
-//! One request, on the computing thread: what it asks, what is answered.
+//! Execution of requests, on the computing thread.
 
-use super::answer::{self, Answer};
-use super::gate::{Request, object};
-use super::memory::Numbered;
+use super::reply::{self, EncodedReply};
+use super::reply_cache::RequestId;
+use super::request::{QueuedRequest, decode_object, new_ticket, shutting_down};
 use super::{Service, find_token};
-use crate::{Error, random, wire};
+use crate::{Error, wire};
 use ballast_protocol::lockstep::{
     AttachRequest, ErrorCode, InitRequest, ParameterUpdate, RequestError, RequestKind, RunPosition,
     StateName, WindowControl, WindowKind, WindowProgress,
@@ -16,85 +16,76 @@ use std::sync::Arc;
 use std::time::Duration;
 use zenoh::query::Query;
 
-/// How long a client's token is looked for.
-const LOOK: Duration = Duration::from_millis(500);
+/// Timeout of the query for a client's token.
+const TOKEN_TIMEOUT: Duration = Duration::from_millis(500);
 
-/// Whether the query's payload is CDR.
+/// Returns true if the payload of a query is CDR.
 fn is_cdr(query: &Query) -> bool {
     query.encoding().is_some_and(wire::is_cdr)
 }
 
-fn message<T: Message>(query: &Query) -> Result<T, RequestError> {
+fn decode_message<T: Message>(query: &Query) -> Result<T, RequestError> {
     let bytes = query.payload().map(|p| p.to_bytes()).unwrap_or_default();
     Ok(if is_cdr(query) { from_cdr(&bytes)? } else { from_json(&bytes)? })
 }
 
-/// What is not begun any more when the component ends.
-pub(super) fn quitting() -> RequestError {
-    RequestError::new(ErrorCode::ShuttingDown, "the component is being shut down")
-}
-
-fn fresh() -> Result<String, RequestError> {
-    random().map_err(|e| RequestError::new(ErrorCode::ErrorState, e.to_string()))
-}
-
 impl Service<'_> {
-    /// Does what a request asks and answers it.
-    pub fn request(&mut self, request: Request) -> Result<(), Error> {
-        let Request { query, verb, pass, room: _room } = request;
-        let key = self.keys.control(verb.word());
+    /// Executes a request and replies to it.
+    pub fn handle(&mut self, request: QueuedRequest) -> Result<(), Error> {
+        let QueuedRequest { query, kind: verb, credentials, slot: _slot } = request;
+        let key = self.keys.control(verb.name());
         if let RequestKind::Window(kind) = verb {
-            self.window(kind, &query, key, &pass.ticket);
+            self.window(kind, &query, key, &credentials.ticket);
         } else {
-            let numbered = Numbered::of(verb, &pass, &query);
-            let result = self.answered.find(numbered.as_ref()).unwrap_or_else(|| {
-                let result = self.control(verb, &query, &pass.ticket);
-                self.answered.keep(numbered, &result);
+            let numbered = RequestId::of(verb, &credentials, &query);
+            let result = self.replies.find(numbered.as_ref()).unwrap_or_else(|| {
+                let result = self.control(verb, &query, &credentials.ticket);
+                self.replies.insert(numbered, &result);
                 result
             });
             if matches!(verb, RequestKind::Detach | RequestKind::Shutdown) {
                 self.shared.set_leaving(None);
             }
-            // Shown before it is answered: who has the answer may ask for something else at once.
-            self.show();
+            // Published before the reply: a client may send another request at once.
+            self.publish_status();
             if matches!(verb, RequestKind::Reset | RequestKind::Init) && result.is_ok() {
-                self.come_alive()?;
+                self.declare_alive()?;
             }
-            answer::send(&query, key, result);
+            reply::send(&query, key, result);
         }
         Ok(())
     }
 
-    /// Refuses what was not begun when the component quits.
-    pub fn refuse(&self, request: &Request) {
-        answer::send(&request.query, self.keys.control(request.verb.word()), Err(quitting()));
+    /// Refuses a queued request while the component shuts down.
+    pub fn refuse(&self, request: &QueuedRequest) {
+        reply::send(&request.query, self.keys.control(request.kind.name()), Err(shutting_down()));
     }
 
     fn window(&mut self, kind: WindowKind, query: &Query, key: String, ticket: &str) {
-        let request = match message::<AdvanceRequest>(query) {
+        let request = match decode_message::<AdvanceRequest>(query) {
             Ok(request) => request,
-            Err(fault) => return answer::send(query, key, Err(fault)),
+            Err(fault) => return reply::send(query, key, Err(fault)),
         };
         let before = self.lockstep.computed_windows();
         let was_durable = self.lockstep.durable_seq() == request.seq;
-        let result = match self.check_stands() {
+        let result = match self.check_not_real_time() {
             Ok(()) => self.compute(kind, &request, ticket),
             Err(fault) => Err(fault),
         };
         let answered = result
             .as_ref()
             .map_err(Clone::clone)
-            .and_then(|reply| Answer::message::<AdvanceReply>(reply, is_cdr(query)));
-        // What a checkpoint holds otherwise is kept before anyone goes on from it.
+            .and_then(|reply| EncodedReply::message::<AdvanceReply>(reply, is_cdr(query)));
+        // A redo replaces the window of a checkpoint: a new one is written before the reply.
         if kind == WindowKind::Redo && was_durable {
-            self.tell(kind, &request, &result, before);
-            return answer::send(query, key, answered);
+            self.publish(kind, &request, &result, before);
+            return reply::send(query, key, answered);
         }
-        answer::send(query, key, answered);
-        self.tell(kind, &request, &result, before);
+        reply::send(query, key, answered);
+        self.publish(kind, &request, &result, before);
     }
 
-    /// Computes a window, everyone being told how far it is.
+    /// Computes a window and publishes its progress.
     pub(super) fn compute(
         &mut self,
         kind: WindowKind,
@@ -105,11 +96,11 @@ impl Service<'_> {
         let clock = &move || shared.now_ns();
         let allowed = Duration::from_millis(request.deadline_ms.into()).as_nanos() as u64;
         let due = (allowed > 0).then(|| clock() + allowed);
-        let (shared, host) = (Arc::clone(&self.shared), &mut *self.host);
-        // Also on the threads that compute: the host goes with it, for as long as the window lasts.
-        let mut watch = move |progress: &WindowProgress| {
-            shared.show_progress(progress);
-            if host.is_stopped() || shared.is_forsaken() || shared.is_left() {
+        let (shared, hooks) = (Arc::clone(&self.shared), &mut *self.hooks);
+        // Also called by worker threads, with the hooks, while the window is computed.
+        let mut poll = move |progress: &WindowProgress| {
+            shared.set_progress(progress);
+            if hooks.is_stopped() || shared.is_owner_lost() || shared.is_owner_leaving() {
                 WindowControl::Cancel
             } else if due.is_some_and(|due| clock() >= due) {
                 WindowControl::DeadlineExceeded
@@ -117,30 +108,30 @@ impl Service<'_> {
                 WindowControl::Continue
             }
         };
-        // From the first moment on: a first step may take long, and who sees it idle asks again.
+        // Before the first step, which may take long: a client that sees an idle component repeats its request.
         let steps = self.lockstep.steps(request);
-        self.shared.show_progress(&WindowProgress {
+        self.shared.set_progress(&WindowProgress {
             seq: request.seq,
             steps,
             ..WindowProgress::default()
         });
-        let result = self.lockstep.window(kind, request, ticket, clock, &mut watch);
-        self.show();
+        let result = self.lockstep.window(kind, request, ticket, clock, &mut poll);
+        self.publish_status();
         result.map_err(|fault| match fault.code {
-            ErrorCode::Cancelled if self.host.is_stopped() => quitting(),
-            ErrorCode::Cancelled if self.shared.is_left() => {
-                RequestError::new(ErrorCode::NotOwner, "window: taken back, its owner leaves")
+            ErrorCode::Cancelled if self.hooks.is_stopped() => shutting_down(),
+            ErrorCode::Cancelled if self.shared.is_owner_leaving() => {
+                RequestError::new(ErrorCode::NotOwner, "window rolled back: its owner detached")
             }
-            // What its ticket is worth from now on.
+            // The ticket is invalid from now on.
             ErrorCode::Cancelled => {
-                RequestError::new(ErrorCode::NotOwner, "window: taken back, its owner is gone")
+                RequestError::new(ErrorCode::NotOwner, "window rolled back: its owner disconnected")
             }
             _ => fault,
         })
     }
 
-    /// Tells everyone of a window, unless it was answered from memory: `before` windows had been computed.
-    pub(super) fn tell(
+    /// Publishes a window unless its reply was a stored one; `before` windows had been computed.
+    pub(super) fn publish(
         &mut self,
         kind: WindowKind,
         request: &AdvanceRequest,
@@ -150,11 +141,11 @@ impl Service<'_> {
         if let Ok(reply) = result
             && self.lockstep.computed_windows() != before
         {
-            self.outlets.window(kind, reply);
-            self.picture(reply.status.is_kept().then_some(reply));
-            if self.host.computed(&self.lockstep, kind, request, reply) {
+            self.publishers.publish_window(kind, reply);
+            self.update_viewer(reply.status.is_kept().then_some(reply));
+            if self.hooks.window_computed(&self.lockstep, kind, request, reply) {
                 self.lockstep.note_durable();
-                self.show();
+                self.publish_status();
             }
         }
     }
@@ -164,99 +155,105 @@ impl Service<'_> {
         verb: RequestKind,
         query: &Query,
         ticket: &str,
-    ) -> Result<Answer, RequestError> {
+    ) -> Result<EncodedReply, RequestError> {
         let now = self.shared.now_ms();
         if matches!(verb, RequestKind::Init | RequestKind::Reset | RequestKind::Restore) {
-            self.check_stands()?;
+            self.check_not_real_time()?;
         }
         let place = match verb {
             RequestKind::Attach => return self.attach(query, now),
-            RequestKind::Init => self.init(&object(query)?, ticket)?,
-            RequestKind::Param => self.set(&object(query)?, ticket)?,
+            RequestKind::Init => self.init(&decode_object(query)?, ticket)?,
+            RequestKind::Param => self.set_parameters(&decode_object(query)?, ticket)?,
             RequestKind::Reset => {
-                object::<EmptyRequest>(query)?;
-                let place = self.lockstep.reset(fresh()?, ticket, now)?;
-                self.run_replaced(&format!("begins again, as run {}", place.run_id));
+                decode_object::<EmptyRequest>(query)?;
+                let place = self.lockstep.reset(new_ticket()?, ticket, now)?;
+                self.state_replaced(&format!("reset, run {}", place.run_id));
                 place
             }
-            RequestKind::Save => self.lockstep.save(&object::<StateName>(query)?, ticket)?,
+            RequestKind::Save => self.lockstep.save(&decode_object::<StateName>(query)?, ticket)?,
             RequestKind::Restore => {
-                let name: StateName = object(query)?;
+                let name: StateName = decode_object(query)?;
                 let place = self.lockstep.restore(&name, ticket)?;
-                self.run_replaced(&format!("restored {:?}, {} ns", name.name, place.now_ns));
+                self.state_replaced(&format!("restored {:?}, {} ns", name.name, place.now_ns));
                 place
             }
-            RequestKind::Drop => self.lockstep.drop_state(&object::<StateName>(query)?, ticket)?,
+            RequestKind::Drop => {
+                self.lockstep.drop_state(&decode_object::<StateName>(query)?, ticket)?
+            }
             RequestKind::Detach => {
                 let place = self.lockstep.detach(ticket)?;
-                self.stop_real_time("the owner has left");
-                self.say("the owner has left; the run holds");
-                self.keep();
+                self.stop_real_time("the owner detached");
+                self.log("the owner detached; the run is paused");
+                self.write_checkpoint();
                 place
             }
             RequestKind::Shutdown => self.lockstep.shut_down(ticket)?,
             RequestKind::Window(_) | RequestKind::Status => {
-                let message = format!("{}: is answered elsewhere", verb.word());
+                let message = format!("{}: not a queued request", verb.name());
                 return Err(RequestError::new(ErrorCode::UnknownRequest, message));
             }
         };
-        Ok(Answer::json(&place))
+        Ok(EncodedReply::json(&place))
     }
 
-    fn run_replaced(&mut self, text: &str) {
-        self.say(text);
-        self.describe();
+    fn state_replaced(&mut self, text: &str) {
+        self.log(text);
+        self.publish_description();
         let now_ns = self.lockstep.component().now_ns();
-        self.outlets.elsewhere(self.lockstep.hash_now(), now_ns);
-        self.host.run_replaced(&self.lockstep);
-        self.picture(None);
-        self.keep();
+        self.publishers.publish_replaced_state(self.lockstep.state_hash(), now_ns);
+        self.hooks.state_replaced(&self.lockstep);
+        self.update_viewer(None);
+        self.write_checkpoint();
     }
 
-    /// Sets parameters, or lets time run by itself.
-    fn set(&mut self, ask: &ParameterUpdate, ticket: &str) -> Result<RunPosition, RequestError> {
-        // All of it or nothing.
-        let pacer = self.pacer(ask, ticket)?;
+    /// Sets parameters, and starts or stops the real-time mode.
+    fn set_parameters(
+        &mut self,
+        ask: &ParameterUpdate,
+        ticket: &str,
+    ) -> Result<RunPosition, RequestError> {
+        // Both are checked before either takes effect.
+        let pacer = self.new_pacer(ask, ticket)?;
         let place = self.lockstep.set_parameters(ask, ticket)?;
         match (pacer, &ask.real_time) {
             (Some(pacer), _) => {
                 self.inputs.take();
                 self.pacer = Some(pacer);
-                self.say("time runs by itself");
+                self.log("real-time mode started");
             }
-            (None, Some(None)) => self.stop_real_time("its owner stops it"),
+            (None, Some(None)) => self.stop_real_time("requested by the owner"),
             (None, _) => {}
         }
         if ask.max_iterations.is_some() || ask.tolerance.is_some() || ask.max_penetration.is_some()
         {
             let set = self.lockstep.component().parameters().into();
             let SolverParameters { max_iterations, tolerance, max_penetration } = set;
-            self.say(&format!(
+            self.log(&format!(
                 "parameters: max_iterations {max_iterations}, tolerance {tolerance}, max_penetration {max_penetration} m (0: none)"
             ));
         }
-        self.describe();
-        // So that windows before it need not be computed again with what holds now.
-        self.host.changed();
-        self.keep();
+        self.publish_description();
+        // A checkpoint, so that a resumed run does not recompute earlier windows with the new parameters.
+        self.hooks.parameters_changed();
+        self.write_checkpoint();
         Ok(place)
     }
 
-    /// Prepares a component anew; everyone is told so meanwhile.
+    /// Prepares a component and publishes that state meanwhile.
     fn init(&mut self, ask: &InitRequest, ticket: &str) -> Result<RunPosition, RequestError> {
         self.lockstep.check_init(ticket)?;
-        self.shared.show_settling();
-        let component = self.host.init(ask)?;
-        let place = self.lockstep.begin(component, fresh()?, self.shared.now_ms());
-        self.run_replaced(&format!("is prepared, as run {}", place.run_id));
+        self.shared.set_preparing();
+        let component = self.hooks.prepare(ask)?;
+        let place = self.lockstep.begin_run(component, new_ticket()?, self.shared.now_ms());
+        self.state_replaced(&format!("bed prepared, run {}", place.run_id));
         Ok(self.lockstep.position())
     }
 
-    fn attach(&mut self, query: &Query, now: u64) -> Result<Answer, RequestError> {
-        let ask: AttachRequest = object(query)?;
+    fn attach(&mut self, query: &Query, now: u64) -> Result<EncodedReply, RequestError> {
+        let ask: AttachRequest = decode_object(query)?;
         if !self.shared.is_live(&ask.client) {
-            // The token may come right behind the request. A name that cannot be a key has none.
-            let token = find_token(self.session, self.keys.owner(&ask.client), LOOK);
+            // The token may arrive after the request. An invalid name has none.
+            let token = find_token(self.session, self.keys.owner(&ask.client), TOKEN_TIMEOUT);
             if !token.is_ok_and(|token| token.is_some()) {
                 let expected = "a client with a liveliness token `owner/CLIENT`";
                 let found: String = ask.client.chars().take(50).collect();
@@ -267,10 +264,10 @@ impl Service<'_> {
                     found,
                 ));
             }
-            self.shared.driver_is_alive(ask.client.clone());
+            self.shared.owner_candidate_appeared(ask.client.clone());
         }
-        let attached = self.lockstep.attach(&ask, fresh()?, now)?;
-        self.say(&format!("{:?} drives", ask.client));
-        Ok(Answer::json(&attached))
+        let attached = self.lockstep.attach(&ask, new_ticket()?, now)?;
+        self.log(&format!("{:?} attached", ask.client));
+        Ok(EncodedReply::json(&attached))
     }
 }

@@ -8,7 +8,7 @@ use crate::setup::{
 };
 use ballast_protocol::lockstep::{ErrorCode, ParameterUpdate, RunPosition};
 use ballast_protocol::messages::InterpolationMode;
-use ballast_protocol::pacer::RealTimeMode;
+use ballast_protocol::real_time::RealTimeMode;
 use ballast_zenoh::{Client, Connection, DISCONNECT_TIMEOUT, Error, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -225,11 +225,11 @@ fn parameters_whose_answer_was_lost_are_asked_for_again_before_what_comes_next()
     proxy.lose_answers();
     for most in [9, 8] {
         let error = client.set_parameters(&iterations(most)).unwrap_err();
-        assert!(matches!(error, Error::Disconnected { .. }) && client.is_waiting(), "{error}");
+        assert!(matches!(error, Error::Disconnected { .. }) && client.has_pending(), "{error}");
         proxy.cut();
         proxy.restore();
         step_once_back(&mut client);
-        assert!(!client.is_waiting());
+        assert!(!client.has_pending());
         proxy.cut();
     }
     proxy.restore();

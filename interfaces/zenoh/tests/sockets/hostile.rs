@@ -210,10 +210,7 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     for k in 0..times(5) as u32 {
         huge[count..count + 4].copy_from_slice(&((1u32 << 31) + k).to_le_bytes());
         let fault = stranger.ask_as("advance", &huge, Some(&ticket), cdr()).unwrap_err();
-        assert!(
-            fault.code == ErrorCode::MessageError && fault.message.contains("motions"),
-            "{fault}"
-        );
+        assert!(fault.code == ErrorCode::Malformed && fault.message.contains("motions"), "{fault}");
     }
     // Endless, deep.
     for size in [MAX_MESSAGE_BYTES + 1, 3 * MAX_MESSAGE_BYTES] {
@@ -224,7 +221,7 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
     let deep = "[".repeat(1 << 20);
     for verb in ["advance", "save"] {
         let fault = stranger.ask(verb, deep.as_bytes(), Some(&ticket)).unwrap_err();
-        assert!(matches!(fault.code, ErrorCode::MessageError | ErrorCode::TooLarge), "{fault}");
+        assert!(matches!(fault.code, ErrorCode::Malformed | ErrorCode::TooLarge), "{fault}");
     }
     // Every request says what is wrong with it, where, and what was expected.
     for (verb, text, place) in [
@@ -235,7 +232,7 @@ fn an_owner_that_sends_garbage_is_told_where_it_is_wrong() {
         ("init", r#"{"seed": -1}"#, "init.seed"),
     ] {
         let fault = stranger.ask(verb, text.as_bytes(), Some(&ticket)).unwrap_err();
-        assert_eq!(fault.code, ErrorCode::MessageError, "{verb}: {fault}");
+        assert_eq!(fault.code, ErrorCode::Malformed, "{verb}: {fault}");
         let finding = fault.details.unwrap_or_default();
         assert_eq!(finding.place, place, "{finding:?}");
         assert!(!finding.expected.is_empty() && finding.found.contains("line 1"), "{finding:?}");

@@ -3,7 +3,7 @@
 use crate::setup::{KEY, Served, WINDOW, lockstep, patient, shaking, step, undisturbed};
 use ballast_protocol::lockstep::{ComponentState, ErrorCode, WindowKind};
 use ballast_protocol::messages::{AdvanceRequest, DeadlinePolicy, ReplyStatus, Twist};
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Client, Connection, Error, Server, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -185,11 +185,7 @@ fn what_is_refused_says_why_and_changes_nothing() {
     let next = client.next(2 * WINDOW);
     for (request, code, word) in [
         (AdvanceRequest { motions: unknown, ..next.clone() }, ErrorCode::UnknownBody, "flor"),
-        (
-            AdvanceRequest { motions: unwritten, ..next.clone() },
-            ErrorCode::MessageError,
-            "advance: ",
-        ),
+        (AdvanceRequest { motions: unwritten, ..next.clone() }, ErrorCode::Malformed, "advance: "),
         (
             AdvanceRequest { seq: 9, motions: good.clone(), ..next.clone() },
             ErrorCode::OutOfSequence,
@@ -201,7 +197,7 @@ fn what_is_refused_says_why_and_changes_nothing() {
         let error = client.send(WindowKind::Advance, request).unwrap_err();
         let fault = error.request_error().unwrap_or_else(|| panic!("{error}"));
         assert!(fault.code == code && error.to_string().contains(word), "{error}");
-        assert_eq!((client.position(), client.is_waiting()), (&before, false));
+        assert_eq!((client.position(), client.has_pending()), (&before, false));
         assert_eq!(client.status().unwrap().position, before);
     }
     step(&mut client).unwrap();

@@ -6,7 +6,7 @@ use ballast_protocol::lockstep::StatusReport;
 use ballast_protocol::messages::{
     Clock, InterpolationMode, Log, PointCloud2, ReplyStatus, SceneUpdate, StateHash, WrenchImpulse,
 };
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Client, Connection, HEARTBEAT_INTERVAL, Server, SessionConfig};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::channel;

@@ -6,7 +6,7 @@ use crate::setup::{
 };
 use ballast_protocol::lockstep::{ComponentState, ErrorCode, WindowKind};
 use ballast_protocol::messages::AdvanceRequest;
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Client, Connection, Error, HEARTBEAT_INTERVAL, Server, SessionConfig};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -129,7 +129,7 @@ fn a_number_is_known_with_its_owner_its_verb_and_its_content() {
     stranger.ask("save", br#"{"name": "here"}"#, Some(&pass)).unwrap();
     for (verb, text, code) in [
         ("restore", r#"{"name": "nowhere"}"#, ErrorCode::UnknownState),
-        ("save", r#"{"name": ""}"#, ErrorCode::MessageError),
+        ("save", r#"{"name": ""}"#, ErrorCode::Malformed),
         ("drop", r#"{"name": "nowhere"}"#, ErrorCode::UnknownState),
     ] {
         let fault = stranger.ask(verb, text.as_bytes(), Some(&pass)).unwrap_err();
@@ -189,7 +189,7 @@ fn an_owner_that_leaves_does_not_wait_for_the_end_of_its_window() {
     wait_for(|| line.status(), ComponentState::Running);
     // What is refused ends no window.
     let fault = stranger.ask("detach", b"{\"client\": \"raw\"}", Some(&ticket)).unwrap_err();
-    assert_eq!(fault.code, ErrorCode::MessageError, "{fault}");
+    assert_eq!(fault.code, ErrorCode::Malformed, "{fault}");
     assert!(answer.recv_timeout(Duration::from_millis(300)).is_err(), "it is computed still");
     stranger.ask("detach", b"{}", Some(&ticket)).unwrap();
     let fault = answer.recv_timeout(Duration::from_secs(20)).expect("an answer");

@@ -2,7 +2,7 @@
 
 use crate::common::scene::Random;
 use crate::setup::KEY;
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Keys, SessionConfig};
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex};

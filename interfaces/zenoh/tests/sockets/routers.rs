@@ -1,7 +1,7 @@
 //! Partners on two sides of a router.
 
 use crate::setup::{KEY, Served, attach, step, undisturbed};
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Connection, Server, SessionConfig, Timeouts};
 use std::time::{Duration, Instant};
 use zenoh::Wait;

@@ -4,7 +4,7 @@ use crate::hostile::Stranger;
 use crate::setup::{KEY, Served, WINDOW, attach, hash, knot, lockstep, once_free, step, wait_for};
 use ballast_protocol::lockstep::{ComponentState, ErrorCode};
 use ballast_protocol::messages::AdvanceRequest;
-use ballast_protocol::pacer::RealTimeMode;
+use ballast_protocol::real_time::RealTimeMode;
 use ballast_zenoh::{Client, ServerHooks, SessionConfig, Timeouts};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
@@ -194,7 +194,7 @@ fn samples_that_cannot_be_read_are_counted() {
 #[test]
 fn what_is_not_prepared_does_not_run_by_itself() {
     let unconfigured = ballast_protocol::lockstep::Lockstep::unconfigured(hash).unwrap();
-    let endpoint = ballast_zenoh::link::free_endpoint().unwrap();
+    let endpoint = ballast_zenoh::session::free_endpoint().unwrap();
     let served = Served::at(&ballast_zenoh::SessionConfig::listen_on(endpoint), unconfigured);
     let refused = served.client().start_real_time(&slowly()).unwrap_err();
     assert_eq!(refused.request_error().unwrap().code, ErrorCode::Unconfigured, "{refused}");

@@ -1,7 +1,7 @@
 //! Who may connect is for Zenoh's own configuration to say: certificates on both sides, users with passwords.
 
 use crate::setup::{KEY, Served, lockstep, patient, step, undisturbed};
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Client, Error, SessionConfig, Timeouts};
 use rcgen::{BasicConstraints, CertificateParams, CertifiedIssuer, IsCa, KeyPair};
 use std::path::{Path, PathBuf};

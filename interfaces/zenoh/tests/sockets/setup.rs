@@ -6,7 +6,7 @@ use ballast::model::{Model, Schedule};
 use ballast::state::State;
 use ballast_protocol::lockstep::{ComponentState, ErrorCode, Lockstep, StatusReport};
 use ballast_protocol::messages::{BodyMotion, Digest, MotionKnot};
-use ballast_zenoh::link::free_endpoint;
+use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Client, Server, ServerHooks, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,4 +1,4 @@
-//! Why a request was not accepted: a code for programs, a sentence for people, numbers where they help.
+//! Errors of requests: a code for programs, a message for people, and the numbers that help to correct the request.
 
 use crate::MessageError;
 use ballast::component::Refusal;
@@ -6,93 +6,106 @@ use ballast::error::Error;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A request that was refused. The state is untouched.
+/// Maximum length of the name of a client or a saved state, bytes.
+pub const MAX_NAME_BYTES: usize = 200;
+
+/// Error of a request that was refused; the state is unchanged.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema, thiserror::Error)]
 #[error("{message}")]
 pub struct RequestError {
+    /// Kind of the error.
     pub code: ErrorCode,
+    /// Sentence for people.
     pub message: String,
-    /// The number that a window must have now.
+    /// Number that the window must have.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expected_seq: Option<u64>,
-    /// Simulated time, ns.
+    /// Simulated time of the component, ns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub now_ns: Option<u64>,
-    /// Who drives, and for how long.
+    /// Name of the owner.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub owner: Option<String>,
+    /// Duration of the ownership, wall ms.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub since_ms: Option<u64>,
-    /// The message in parts, where it has any.
+    /// Parts of the message, for messages of the form `place: expected, found`.
     #[serde(flatten)]
     pub details: Option<Box<ErrorDetails>>,
 }
 
-/// What is wrong with a request.
+/// Parts of an error message: place, expected and found.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct ErrorDetails {
-    /// The field, or the body whose input it is.
+    /// Name of the field, or of the body whose input is wrong.
     pub place: String,
+    /// Values that are accepted.
     pub expected: String,
+    /// Value of the request.
     pub found: String,
-    /// The times next to it at which a window may end, ns.
+    /// Nearest times before and after at which a window may end, ns.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub nearest_ns: Option<[u64; 2]>,
 }
 
-/// What kind of refusal it is.
+/// Kind of a request error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum ErrorCode {
-    /// The bytes are no such message.
-    MessageError,
-    /// The message is larger than this component accepts.
+    /// The payload cannot be decoded as this request.
+    Malformed,
+    /// The payload exceeds the size limit of the component.
     TooLarge,
-    /// No request of this name.
+    /// No request has this name.
     UnknownRequest,
-    /// More requests wait than this component keeps.
+    /// The queue of the component is full, or requests arrive too fast.
     TooManyRequests,
-    /// Someone else drives.
+    /// Another client is the owner.
     Busy,
-    /// The bed is being prepared; there is nothing to ask about yet.
+    /// The bed is being prepared.
     Preparing,
-    /// The bed has not been prepared yet: `init` does it.
+    /// No bed has been prepared; request `init` first.
     Unconfigured,
-    /// A parameter that cannot be used.
+    /// A parameter has an invalid value.
     ParameterInvalid,
-    /// Time runs by itself; stop it first.
+    /// The real-time mode is active; stop it first.
     RealTimeActive,
     /// The bed could not be prepared.
     InitFailed,
-    /// The client has no liveliness token, so its loss would not be noticed.
+    /// The client has no liveliness token, so its disconnection would not be noticed.
     NoLivelinessToken,
     /// The ticket is not that of the owner.
     NotOwner,
-    /// This component has another run.
+    /// The component has another run.
     WrongRun,
-    /// Neither the next window nor the last one again.
+    /// The window is neither the next one nor a repetition of the last one.
     OutOfSequence,
-    /// No state was kept under this name.
+    /// No saved state has this name.
     UnknownState,
-    /// No more states can be kept.
+    /// The store of saved states is full.
     TooManyStates,
-    /// The window was taken back, as if it had never been asked for: nobody waited for it any more.
+    /// The window was cancelled and rolled back, because no client waited for it.
     Cancelled,
-    /// Something failed inside; only restore, reset and detach are possible.
+    /// An internal error has occurred; only `restore`, `reset` and `detach` are possible.
     ErrorState,
-    /// The component is being shut down.
+    /// The component is shutting down.
     ShuttingDown,
-    /// No step of this grid.
+    /// A time is not on the grid of time steps.
     TimeGrid,
+    /// A motion or load does not cover the window.
     InputGap,
+    /// A motion does not continue the previous one.
     InputJump,
+    /// A motion or load has an invalid value.
     InputInvalid,
+    /// No driven body has this name.
     UnknownBody,
+    /// No window has been computed that could be redone.
     NothingToRedo,
+    /// The state does not fit the model.
     StateInvalid,
 }
 
-/// The word in messages.
 impl std::fmt::Display for ErrorCode {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         self.serialize(f)
@@ -100,6 +113,7 @@ impl std::fmt::Display for ErrorCode {
 }
 
 impl RequestError {
+    /// Creates an error without details.
     pub fn new(code: ErrorCode, message: impl Into<String>) -> Self {
         Self {
             code,
@@ -112,42 +126,62 @@ impl RequestError {
         }
     }
 
-    /// The usual form: what, where, expected and found.
+    /// Creates an error of the form `place: expected, found`.
     pub fn expected(
         code: ErrorCode,
         place: &str,
         expected: impl std::fmt::Display,
         found: impl std::fmt::Display,
     ) -> Self {
-        let (expected, found) = (expected.to_string(), found.to_string());
+        let [expected, found] = [expected.to_string(), found.to_string()];
         let message = format!("{place}: expected {expected}, found {found}");
-        let place = place.to_string();
-        let finding = ErrorDetails { place, expected, found, nearest_ns: None };
-        Self { details: Some(Box::new(finding)), ..Self::new(code, message) }
+        let details = ErrorDetails { place: place.into(), expected, found, nearest_ns: None };
+        Self { details: Some(Box::new(details)), ..Self::new(code, message) }
     }
 
-    /// A ticket that is not that of the owner, or while there is none.
+    /// Creates the error of a ticket that is not that of the owner.
     pub fn not_owner(ticket: &str, owner: Option<&str>) -> Self {
         let expected = match owner {
             Some(owner) => format!("that of the owner, {owner:?}"),
-            None => "that of an owner; nobody drives, attach first".to_string(),
+            None => "that of an owner; there is none, attach first".to_string(),
         };
         let found = if ticket.is_empty() { "none" } else { "another" };
-        let fault = Self::expected(ErrorCode::NotOwner, "ticket", expected, found);
-        Self { owner: owner.map(String::from), ..fault }
+        let error = Self::expected(ErrorCode::NotOwner, "ticket", expected, found);
+        Self { owner: owner.map(String::from), ..error }
+    }
+
+    /// Creates the error of a client that attaches while `owner` is attached; `remark` ends the message.
+    pub fn busy(owner: &str, since_ms: u64, remark: &str) -> Self {
+        let seconds = since_ms as f64 * 1e-3;
+        let message = format!("owned by {owner:?} for {seconds:.1} s{remark}");
+        let error = Self::new(ErrorCode::Busy, message);
+        Self { owner: Some(owner.into()), since_ms: Some(since_ms), ..error }
     }
 }
 
-/// What a panic panic_message.
+/// Returns the message of a panic payload.
 pub fn panic_message(panic: &(dyn std::any::Any + Send)) -> String {
     let text = panic.downcast_ref::<String>().map(String::as_str);
     let text = text.or_else(|| panic.downcast_ref::<&str>().copied());
-    format!("the program failed inside: {}", text.unwrap_or("no reason given"))
+    format!("internal error: {}", text.unwrap_or("no message"))
+}
+
+/// Returns an error unless `name` can name a client or a saved state.
+pub(super) fn check_name(place: &str, name: &str) -> Result<(), RequestError> {
+    let is_valid = !name.is_empty()
+        && name.len() <= MAX_NAME_BYTES
+        && name.bytes().all(|b| b.is_ascii_alphanumeric() || b"-_.".contains(&b));
+    if is_valid {
+        return Ok(());
+    }
+    let expected = format!("1 to {MAX_NAME_BYTES} letters, digits, '-', '_' or '.'");
+    let found: String = name.chars().take(50).collect();
+    Err(RequestError::expected(ErrorCode::Malformed, place, expected, format!("{found:?}")))
 }
 
 impl From<MessageError> for RequestError {
     fn from(e: MessageError) -> Self {
-        Self::expected(ErrorCode::MessageError, &e.place, e.expected, e.found)
+        Self::expected(ErrorCode::Malformed, &e.place, e.expected, e.found)
     }
 }
 
@@ -164,7 +198,7 @@ impl From<Refusal> for RequestError {
             Refusal::Core(_) => ErrorCode::StateInvalid,
         };
         let message = refusal.to_string();
-        let finding = match refusal {
+        let details = match refusal {
             Refusal::Time { now_ns, step_ns, nearest_ns, found_ns } => Some(ErrorDetails {
                 place: "t1_ns".into(),
                 expected: format!("a whole number of steps of {step_ns} ns after {now_ns} ns"),
@@ -182,15 +216,15 @@ impl From<Refusal> for RequestError {
                 found,
                 nearest_ns: None,
             }),
-            Refusal::Core(error) => parts(error),
+            Refusal::Core(error) => core_details(error),
             Refusal::NothingToRedo | Refusal::Cancelled => None,
         };
-        Self { details: finding.map(Box::new), ..Self::new(code, message) }
+        Self { details: details.map(Box::new), ..Self::new(code, message) }
     }
 }
 
-/// The parts of what the core says.
-fn parts(error: Error) -> Option<ErrorDetails> {
+/// Returns the parts of an error of the core.
+fn core_details(error: Error) -> Option<ErrorDetails> {
     let (place, expected, found) = match error {
         Error::Geometry { expected, found } => ("polyhedron".into(), expected.into(), found),
         Error::Model { place, expected, found }

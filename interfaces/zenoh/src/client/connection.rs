@@ -4,8 +4,8 @@
 //! within the time allowed: *slow*. What got lost on the way is sent again, which is safe: a window is known
 //! by its number and content, every other request by a number of its own.
 
-use super::presence::Presence;
-use crate::keys::{SCHEMA, last};
+use super::liveness::LivenessMonitor;
+use crate::keys::{SCHEMA, last_segment};
 use crate::{DISCONNECT_TIMEOUT, Error, Keys, MAX_MESSAGE_BYTES, Purpose, SessionConfig};
 use ballast_protocol::description::ComponentDescription;
 use ballast_protocol::lockstep::{
@@ -24,14 +24,14 @@ use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
 /// Between two attempts when nobody answers, at first and at most.
-const PAUSE: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(200)];
+const RETRY_DELAY: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(200)];
 /// Between two looks at a component that computes.
-const LOOK: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// After this time an attempt is given up and made again: Zenoh remembers it for so long.
-const ATTEMPT: Duration = Duration::from_secs(600);
+const QUERY_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// What may be behind a silence.
-const ROUTER: &str = "; the router here passes on nothing between two peers: one of the two has to be its client (--router)";
+const ROUTER_HINT: &str = "; the router here passes on nothing between two peers: one of the two has to be its client (--router)";
 
 /// How long calls may take.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,19 +63,19 @@ pub struct Connection {
     link: SessionConfig,
     session: Session,
     keys: Keys,
-    presence: Arc<Presence>,
+    liveness: Arc<LivenessMonitor>,
     pub timeouts: Timeouts,
     /// Once set, every call ends within a moment with [`Error::Cancelled`], until it is taken back.
     pub cancelled: Arc<AtomicBool>,
 }
 
 /// What is asked.
-pub(super) struct Ask<'a> {
+pub(super) struct OutgoingRequest<'a> {
     pub request: &'a str,
     pub key: String,
     pub payload: Option<(Vec<u8>, Encoding)>,
     /// Ticket and number.
-    pub pass: String,
+    pub credentials: String,
 }
 
 /// How an attempt ended.
@@ -115,30 +115,30 @@ impl Connection {
         timeouts: Timeouts,
         cancelled: Arc<AtomicBool>,
     ) -> Result<Self, Error> {
-        let zenoh = |e: zenoh::Error| Error::link("zenoh", e);
+        let zenoh = |e: zenoh::Error| Error::transport("zenoh", e);
         let keys = Keys::of(component)?;
         let session = link.open_for(Purpose::Client)?;
-        let presence = Arc::new(Presence::new());
-        let to = Arc::clone(&presence);
+        let liveness = Arc::new(LivenessMonitor::new());
+        let to = Arc::clone(&liveness);
         let listen = move |sample: Sample| {
             if let Ok(status) = serde_json::from_slice(&sample.payload().to_bytes()) {
-                to.tells(status);
+                to.heartbeat(status);
             }
         };
         let status = session.declare_subscriber(keys.out("status")).callback(listen);
         status.background().wait().map_err(zenoh)?;
-        let to = Arc::clone(&presence);
+        let to = Arc::clone(&liveness);
         let watch = move |sample: Sample| {
-            let run = last(sample.key_expr().as_str());
+            let run = last_segment(sample.key_expr().as_str());
             match sample.kind() {
-                SampleKind::Put => to.appears(run),
-                SampleKind::Delete => to.vanishes(run),
+                SampleKind::Put => to.token_appeared(run),
+                SampleKind::Delete => to.token_vanished(run),
             }
         };
         let alive = session.liveliness().declare_subscriber(keys.alive_any()).history(true);
         alive.callback(watch).background().wait().map_err(zenoh)?;
         let link = link.clone();
-        Ok(Self { link, session, keys, presence, timeouts, cancelled })
+        Ok(Self { link, session, keys, liveness, timeouts, cancelled })
     }
 
     /// The names under which the component is found.
@@ -147,9 +147,9 @@ impl Connection {
     }
 
     /// Declares a client alive until the token is dropped.
-    pub(super) fn come_alive(&self, client: &str) -> Result<LivelinessToken, Error> {
+    pub(super) fn declare_client(&self, client: &str) -> Result<LivelinessToken, Error> {
         let token = self.session.liveliness().declare_token(self.keys.owner(client)).wait();
-        token.map_err(|e| Error::link("zenoh", e))
+        token.map_err(|e| Error::transport("zenoh", e))
     }
 
     /// Sends something that is not answered.
@@ -162,7 +162,7 @@ impl Connection {
     ) -> Result<(), Error> {
         let put = self.session.put(&key, bytes).encoding(encoding).attachment(ticket);
         let put = put.congestion_control(CongestionControl::Block).express(true);
-        put.wait().map_err(|e| Error::link(key, e))
+        put.wait().map_err(|e| Error::transport(key, e))
     }
 
     /// Calls `take` with key, encoding and bytes of everything that the component tells.
@@ -178,7 +178,7 @@ impl Connection {
             take(sample.key_expr().as_str(), &encoding, &sample.payload().to_bytes());
         };
         let all = self.session.declare_subscriber(self.keys.out_any()).callback(listen);
-        all.background().wait().map_err(|e| Error::link("zenoh", e))
+        all.background().wait().map_err(|e| Error::transport("zenoh", e))
     }
 
     /// What the component told last under every key, for those who came late: key, encoding, bytes.
@@ -187,7 +187,7 @@ impl Connection {
     /// The session breaks down; more is asked than the component answers.
     pub fn last_messages(&self) -> Result<Vec<(String, String, Vec<u8>)>, Error> {
         let get = self.session.get(self.keys.out_any()).timeout(self.timeouts.control);
-        let replies = get.wait().map_err(|e| Error::link("zenoh", e))?;
+        let replies = get.wait().map_err(|e| Error::transport("zenoh", e))?;
         let mut told = Vec::new();
         for reply in replies {
             match reply.into_result() {
@@ -210,7 +210,7 @@ impl Connection {
     /// # Errors
     /// No answer, or none that can be read; it is being prepared.
     pub fn describe(&self) -> Result<ComponentDescription, Error> {
-        self.look("describe", self.keys.describe())
+        self.query("describe", self.keys.describe())
     }
 
     /// The JSON Schema of the component's requests and replies.
@@ -218,7 +218,7 @@ impl Connection {
     /// # Errors
     /// No answer, or none that can be read.
     pub fn schema(&self) -> Result<serde_json::Value, Error> {
-        self.look("schema", format!("{}?{SCHEMA}", self.keys.describe()))
+        self.query("schema", format!("{}?{SCHEMA}", self.keys.describe()))
     }
 
     /// What the component is doing.
@@ -226,22 +226,22 @@ impl Connection {
     /// # Errors
     /// No answer, or none that can be read.
     pub fn status(&self) -> Result<StatusReport, Error> {
-        let verb = RequestKind::Status.word();
-        self.look(verb, self.keys.control(verb))
+        let verb = RequestKind::Status.name();
+        self.query(verb, self.keys.control(verb))
     }
 
-    fn look<T: DeserializeOwned>(&self, request: &str, key: String) -> Result<T, Error> {
-        let ask = Ask { request, key, payload: None, pass: String::new() };
-        read(request, &self.call(&ask, self.timeouts.control)?)
+    fn query<T: DeserializeOwned>(&self, request: &str, key: String) -> Result<T, Error> {
+        let ask = OutgoingRequest { request, key, payload: None, credentials: String::new() };
+        decode(request, &self.call(&ask, self.timeouts.control)?)
     }
 
     /// What the component was doing at its last heartbeat.
     pub fn last_status(&self) -> Option<StatusReport> {
-        self.presence.status()
+        self.liveness.status()
     }
 
     /// Asks until there is an answer or the time allowed is over.
-    pub(super) fn call(&self, ask: &Ask, allowed: Duration) -> Result<Vec<u8>, Error> {
+    pub(super) fn call(&self, ask: &OutgoingRequest, allowed: Duration) -> Result<Vec<u8>, Error> {
         if let Some((bytes, _)) = ask.payload.as_ref().filter(|p| p.0.len() > MAX_MESSAGE_BYTES) {
             // It would never arrive: the wire drops what is larger.
             let expected = format!("at most {MAX_MESSAGE_BYTES} bytes");
@@ -254,7 +254,7 @@ impl Connection {
             .into());
         }
         let begin = Instant::now();
-        let (mut sent, mut pause) = (Vec::new(), PAUSE[0]);
+        let (mut sent, mut pause) = (Vec::new(), RETRY_DELAY[0]);
         loop {
             match self.attempt(ask, &mut sent, begin, allowed)? {
                 Attempt::Answered(bytes) => return Ok(bytes),
@@ -264,15 +264,15 @@ impl Connection {
                 Attempt::Refused(_) | Attempt::Nothing => {}
             }
             self.check(ask, begin, allowed)?;
-            self.presence.wait(pause);
-            pause = (2 * pause).min(PAUSE[1]);
+            self.liveness.wait(pause);
+            pause = (2 * pause).min(RETRY_DELAY[1]);
         }
     }
 
     /// Asks, and waits for an answer to this or to what was `sent` before: on a slow wire it may be under way for long.
     fn attempt(
         &self,
-        ask: &Ask,
+        ask: &OutgoingRequest,
         sent: &mut Vec<Replies>,
         begin: Instant,
         allowed: Duration,
@@ -280,23 +280,23 @@ impl Connection {
         let mut get = self
             .session
             .get(&ask.key)
-            .timeout(ATTEMPT)
+            .timeout(QUERY_TIMEOUT)
             .congestion_control(CongestionControl::Block)
             .express(true)
-            .attachment(ask.pass.clone());
+            .attachment(ask.credentials.clone());
         if let Some((bytes, encoding)) = &ask.payload {
             get = get.payload(bytes.clone()).encoding(encoding.clone());
         }
         let asked = Instant::now();
-        let replies = get.wait().map_err(|e| Error::link(&ask.key, e))?;
+        let replies = get.wait().map_err(|e| Error::transport(&ask.key, e))?;
         // What has taken its time to go out may take as long to arrive.
-        let (beats, out, took) = (self.presence.beats(), Instant::now(), asked.elapsed());
+        let (heartbeats, out, took) = (self.liveness.heartbeats(), Instant::now(), asked.elapsed());
         loop {
             let mut late = sent.iter().filter_map(|replies| replies.try_recv().ok().flatten());
             if let Some(ended) = late.find_map(Attempt::of) {
                 return Ok(ended);
             }
-            match replies.recv_timeout(LOOK) {
+            match replies.recv_timeout(POLL_INTERVAL) {
                 Ok(Some(reply)) => {
                     if let Some(ended) = Attempt::of(reply) {
                         return Ok(ended);
@@ -304,7 +304,7 @@ impl Connection {
                 }
                 Ok(None) => {
                     self.check(ask, begin, allowed)?;
-                    if out.elapsed() >= took && self.presence.is_idle_since(beats) {
+                    if out.elapsed() >= took && self.liveness.is_idle_since(heartbeats) {
                         sent.push(replies);
                         return Ok(Attempt::Nothing);
                     }
@@ -316,31 +316,32 @@ impl Connection {
     }
 
     /// Whether the component was there not longer than so ago, counted from `since` at the earliest, if that is given.
-    fn expect_there(
+    fn ensure_connected(
         &self,
         request: &str,
         since: Option<Instant>,
         most: Duration,
     ) -> Result<(), Error> {
-        let gone = self.presence.gone_for(since).filter(|gone| *gone >= most);
+        let gone = self.liveness.disconnected_for(since).filter(|gone| *gone >= most);
         gone.map_or(Ok(()), |gone| {
             let (request, component) = (request.to_string(), self.keys.name().to_string());
-            let hint = if self.link.is_isolated_by_router(&self.session) { ROUTER } else { "" };
+            let hint =
+                if self.link.is_isolated_by_router(&self.session) { ROUTER_HINT } else { "" };
             Err(Error::Disconnected { request, component, silent_s: gone.as_secs_f64(), hint })
         })
     }
 
     /// Whether what is sent without an answer is heeded, by what the component has told since it had told what it does so
     /// many times.
-    pub(super) fn expect_heed(
+    pub(super) fn ensure_owner(
         &self,
         request: &str,
         client: &str,
         ticket: &str,
-        beats: u64,
+        heartbeats: u64,
     ) -> Result<(), Error> {
-        self.expect_there(request, None, self.timeouts.disconnect)?;
-        match self.presence.owner_since(beats) {
+        self.ensure_connected(request, None, self.timeouts.disconnect)?;
+        match self.liveness.owner_since(heartbeats) {
             Some(owner) if owner.as_deref() != Some(client) => {
                 Err(RequestError::not_owner(ticket, owner.as_deref()).into())
             }
@@ -349,24 +350,24 @@ impl Connection {
     }
 
     /// How many times the component has told what it does.
-    pub(super) fn beats(&self) -> u64 {
-        self.presence.beats()
+    pub(super) fn heartbeats(&self) -> u64 {
+        self.liveness.heartbeats()
     }
 
     /// Whether it still makes sense to wait.
-    fn check(&self, ask: &Ask, begin: Instant, allowed: Duration) -> Result<(), Error> {
+    fn check(&self, ask: &OutgoingRequest, begin: Instant, allowed: Duration) -> Result<(), Error> {
         let (request, component) = (ask.request.to_string(), self.keys.name().to_string());
         let waited = begin.elapsed();
         if self.cancelled.load(Ordering::Relaxed) {
             return Err(Error::Cancelled { request, component, waited_s: waited.as_secs_f64() });
         }
         // Someone who is away is lost, not slow, also where the time allowed is shorter.
-        self.expect_there(ask.request, Some(begin), self.timeouts.disconnect.min(allowed))?;
+        self.ensure_connected(ask.request, Some(begin), self.timeouts.disconnect.min(allowed))?;
         if waited < allowed {
             return Ok(());
         }
-        let doing = doing(self.presence.status().as_ref());
-        Err(Error::Timeout { request, component, waited_s: waited.as_secs_f64(), doing })
+        let activity = describe_activity(self.liveness.status().as_ref());
+        Err(Error::Timeout { request, component, waited_s: waited.as_secs_f64(), activity })
     }
 }
 
@@ -375,7 +376,7 @@ fn refusal(error: &ReplyError) -> Option<RequestError> {
     serde_json::from_slice(&error.payload().to_bytes()).ok()
 }
 
-fn doing(status: Option<&StatusReport>) -> String {
+fn describe_activity(status: Option<&StatusReport>) -> String {
     let Some(status) = status else { return "it has not told what it does".into() };
     match (&status.progress, &status.waiting_for) {
         (Some(p), _) if status.state == ComponentState::Running => {
@@ -391,8 +392,8 @@ fn doing(status: Option<&StatusReport>) -> String {
     }
 }
 
-pub(super) fn read<T: DeserializeOwned>(request: &str, bytes: &[u8]) -> Result<T, Error> {
-    serde_json::from_slice(bytes).map_err(|e| Error::answer(request, e))
+pub(super) fn decode<T: DeserializeOwned>(request: &str, bytes: &[u8]) -> Result<T, Error> {
+    serde_json::from_slice(bytes).map_err(|e| Error::bad_reply(request, e))
 }
 
 #[cfg(test)]
@@ -404,7 +405,7 @@ mod tests {
     fn what_is_left_is_told_when_a_step_has_told_it() {
         let told = |progress| {
             let (state, progress) = (ComponentState::Running, Some(progress));
-            doing(Some(&StatusReport { state, progress, ..StatusReport::default() }))
+            describe_activity(Some(&StatusReport { state, progress, ..StatusReport::default() }))
         };
         let begun =
             WindowProgress { seq: 7, steps: 3, elapsed_ms: 4200, ..WindowProgress::default() };

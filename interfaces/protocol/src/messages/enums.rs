@@ -1,24 +1,24 @@
-//! Choices: a byte on the wire, a word for people.
+//! Enumerations: a byte in CDR, a word in JSON.
 
 use serde::de::{Error as _, Unexpected};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-macro_rules! words {
+macro_rules! wire_enum {
     ($(#[$doc:meta])* $name:ident { $($(#[$variant_doc:meta])* $variant:ident = $number:literal $word:literal),* $(,)? }) => {
         $(#[$doc])*
         #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
         pub enum $name { $($(#[$variant_doc])* $variant),* }
 
         impl $name {
-            /// All of them, in the order of their numbers.
+            /// All values, in the order of their numbers.
             pub const ALL: &'static [Self] = &[$(Self::$variant),*];
 
-            /// The number on the wire.
+            /// Returns the number in CDR.
             pub fn number(self) -> u8 {
                 match self { $(Self::$variant => $number),* }
             }
 
-            /// The word in JSON.
+            /// Returns the word in JSON.
             pub fn word(self) -> &'static str {
                 match self { $(Self::$variant => $word),* }
             }
@@ -63,56 +63,56 @@ macro_rules! words {
     };
 }
 
-words!(
-    /// What lies between knots.
+wire_enum!(
+    /// Interpolation between knots.
     #[derive(Default)]
     InterpolationMode {
-        /// The last knot.
+        /// Value of the last knot.
         Hold = 0 "hold",
-        /// Constant velocity and spin.
+        /// Constant velocity and angular velocity.
         Linear = 1 "linear",
-        /// Cubic, with the knots' twists.
+        /// Cubic Hermite interpolation with the knots' twists.
         #[default]
         Hermite = 2 "hermite",
     }
 );
 
-words!(
-    /// What to do when the time allowed for a window has passed.
+wire_enum!(
+    /// Action when the deadline of a window has passed.
     #[derive(Default)]
     DeadlinePolicy {
-        /// Go on to the end.
+        /// Computes the window to its end.
         #[default]
         Finish = 0 "finish",
-        /// Keep what is done.
+        /// Ends the window and keeps its finished steps.
         Early = 1 "early",
-        /// Take the window back.
+        /// Rolls the window back.
         Discard = 2 "discard",
     }
 );
 
-words!(
-    /// How a window went.
+wire_enum!(
+    /// Status of a window, as in FMI.
     #[derive(Default)]
     ReplyStatus {
-        /// Computed to its end, every step solved.
+        /// Computed to its end; every step converged.
         #[default]
         Ok = 0 "ok",
-        /// Computed to its end; some step stopped at the cap of iterations.
+        /// Computed to its end; a step reached the maximum number of iterations.
         Warn = 1 "warn",
-        /// Ended before its end, in a valid state.
+        /// Ended early, in a valid state.
         Early = 2 "early",
-        /// The state is exactly that of its beginning.
+        /// Rolled back: the state is bitwise that of its beginning.
         Discard = 3 "discard",
-        /// Only restore, reset and detach work after it.
+        /// Failed by an internal error; only `restore`, `reset` and `detach` are possible.
         Error = 4 "error",
-        /// Nothing works after it.
+        /// Failed; the component cannot be used any more.
         Fatal = 5 "fatal",
     }
 );
 
 impl ReplyStatus {
-    /// Whether the window led on; otherwise the state is that of its beginning.
+    /// Returns true if the window has steps that are kept; otherwise the state is that of its beginning.
     pub fn is_kept(self) -> bool {
         !matches!(self, Self::Discard | Self::Error | Self::Fatal)
     }

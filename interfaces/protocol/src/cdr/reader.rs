@@ -1,63 +1,63 @@
-//! CDR as serde's data model, as far as ROS 2 messages go.
+//! CDR decoder for serde, limited to the types of ROS 2 messages.
 
 use crate::MessageError;
 use serde::de::{DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
-pub(super) struct Reader<'a> {
-    /// What follows the encapsulation header.
+pub(super) struct CdrReader<'a> {
+    /// Bytes after the encapsulation header.
     bytes: &'a [u8],
     at: usize,
     little: bool,
-    /// Where in the message this is; not taken back on errors, so that they know their place.
-    path: Vec<Step>,
+    /// Path of the current field; kept on errors, so that they name their place.
+    path: Vec<PathSegment>,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum Step {
+enum PathSegment {
     Field(&'static str),
     Item(usize),
 }
 
-impl<'a> Reader<'a> {
+impl<'a> CdrReader<'a> {
     pub fn new(bytes: &'a [u8], little: bool) -> Self {
         Self { bytes, at: 0, little, path: Vec::new() }
     }
 
-    /// Everything has been read.
-    pub fn end(&self) -> Result<(), MessageError> {
+    /// Returns an error unless all bytes have been read.
+    pub fn expect_end(&self) -> Result<(), MessageError> {
         let rest = &self.bytes[self.at..];
         let fills_a_word = rest.len() < 4 && self.bytes.len().is_multiple_of(4);
         if rest.is_empty() || (fills_a_word && rest.iter().all(|b| *b == 0)) {
             return Ok(());
         }
-        Err(self.fault("the end of the message", format!("{} more bytes", rest.len())))
+        Err(self.error("the end of the message", format!("{} more bytes", rest.len())))
     }
 
-    /// An error with its place, if it has none yet.
-    pub fn located(&self, error: MessageError) -> MessageError {
+    /// Adds the current path to an error without a place.
+    pub fn with_path(&self, error: MessageError) -> MessageError {
         if !error.place.is_empty() {
             return error;
         }
-        MessageError { place: self.place(), ..error }
+        MessageError { place: self.position_text(), ..error }
     }
 
-    fn place(&self) -> String {
+    fn position_text(&self) -> String {
         let mut text = String::new();
         for step in &self.path {
             match step {
-                Step::Field(name) if text.is_empty() => text += name,
-                Step::Field(name) => text += &format!(".{name}"),
-                Step::Item(index) => text += &format!("[{index}]"),
+                PathSegment::Field(name) if text.is_empty() => text += name,
+                PathSegment::Field(name) => text += &format!(".{name}"),
+                PathSegment::Item(index) => text += &format!("[{index}]"),
             }
         }
         format!("{text}, byte {}", self.at + 4)
     }
 
-    fn fault(&self, expected: impl Into<String>, found: impl ToString) -> MessageError {
-        MessageError::new(self.place(), expected, found)
+    fn error(&self, expected: impl Into<String>, found: impl ToString) -> MessageError {
+        MessageError::new(self.position_text(), expected, found)
     }
 
-    fn left(&self) -> usize {
+    fn remaining(&self) -> usize {
         self.bytes.len() - self.at
     }
 
@@ -68,13 +68,14 @@ impl<'a> Reader<'a> {
                 Ok(bytes)
             }
             None => {
-                Err(self.fault(format!("{count} more bytes"), format!("{} bytes", self.left())))
+                Err(self
+                    .error(format!("{count} more bytes"), format!("{} bytes", self.remaining())))
             }
         }
     }
 
-    /// The bytes of an aligned number, lowest first.
-    fn number<const N: usize>(&mut self) -> Result<[u8; N], MessageError> {
+    /// Reads an aligned number and returns its bytes, lowest first.
+    fn read_number<const N: usize>(&mut self) -> Result<[u8; N], MessageError> {
         self.take(self.at.next_multiple_of(N) - self.at)?;
         let mut bytes = [0; N];
         bytes.copy_from_slice(self.take(N)?);
@@ -84,55 +85,55 @@ impl<'a> Reader<'a> {
         Ok(bytes)
     }
 
-    /// A length that the rest of the bytes can hold: every entry takes one at least.
-    fn length(&mut self) -> Result<usize, MessageError> {
-        let length = u32::from_le_bytes(self.number()?) as usize;
-        if length <= self.left() {
+    /// Reads a length and checks it against the remaining bytes: every entry takes at least one.
+    fn read_length(&mut self) -> Result<usize, MessageError> {
+        let length = u32::from_le_bytes(self.read_number()?) as usize;
+        if length <= self.remaining() {
             return Ok(length);
         }
         let found = format!("a length of {length}");
-        Err(self.fault(format!("a length of at most {}, the bytes left", self.left()), found))
+        Err(self.error(format!("a length of at most {}, the bytes left", self.remaining()), found))
     }
 
-    fn text(&mut self) -> Result<&'a str, MessageError> {
-        let length = self.length()?;
-        // Some writers leave the zero out of an empty text.
+    fn read_text(&mut self) -> Result<&'a str, MessageError> {
+        let length = self.read_length()?;
+        // Some writers omit the zero of an empty text.
         if length == 0 {
             return Ok("");
         }
         let bytes = self.take(length)?;
         let Some((0, text)) = bytes.split_last() else {
             let found = bytes.last().map_or("none".into(), |last| format!("the byte {last}"));
-            return Err(self.fault("a text that ends with a zero", found));
+            return Err(self.error("a text that ends with a zero", found));
         };
         if let Some(at) = text.iter().position(|b| *b == 0) {
-            return Err(self.fault("a text without zeros", format!("one at its byte {at}")));
+            return Err(self.error("a text without zeros", format!("one at its byte {at}")));
         }
-        std::str::from_utf8(text).map_err(|e| self.fault("a text in UTF-8", e))
+        std::str::from_utf8(text).map_err(|e| self.error("a text in UTF-8", e))
     }
 
-    fn unknown<T>(&self, what: &str) -> Result<T, MessageError> {
-        Err(self.fault("a type of ROS 2 messages", what))
+    fn unsupported<T>(&self, what: &str) -> Result<T, MessageError> {
+        Err(self.error("a type of ROS 2 messages", what))
     }
 }
 
 macro_rules! numbers {
     ($($method:ident $visit:ident $type:ty),*) => {$(
         fn $method<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
-            visitor.$visit(<$type>::from_le_bytes(self.number()?))
+            visitor.$visit(<$type>::from_le_bytes(self.read_number()?))
         }
     )*};
 }
 
-macro_rules! unknown {
+macro_rules! unsupported {
     ($($method:ident($($argument:ty),*) $what:literal),*) => {$(
         fn $method<V: Visitor<'de>>(self, $(_: $argument,)* _: V) -> Result<V::Value, MessageError> {
-            self.unknown($what)
+            self.unsupported($what)
         }
     )*};
 }
 
-impl<'de> Deserializer<'de> for &mut Reader<'de> {
+impl<'de> Deserializer<'de> for &mut CdrReader<'de> {
     type Error = MessageError;
 
     fn is_human_readable(&self) -> bool {
@@ -146,8 +147,8 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         deserialize_f32 visit_f32 f32, deserialize_f64 visit_f64 f64
     );
 
-    unknown!(
-        deserialize_any() "a value that does not say its type",
+    unsupported!(
+        deserialize_any() "a value without a type",
         deserialize_ignored_any() "a value to be ignored",
         deserialize_char() "a character",
         deserialize_option() "an option",
@@ -160,23 +161,23 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
     );
 
     fn deserialize_bool<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
-        match self.number()? {
+        match self.read_number()? {
             [0] => visitor.visit_bool(false),
             [1] => visitor.visit_bool(true),
-            [other] => Err(self.fault("0 or 1", other)),
+            [other] => Err(self.error("0 or 1", other)),
         }
     }
 
     fn deserialize_str<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
-        visitor.visit_str(self.text()?)
+        visitor.visit_str(self.read_text()?)
     }
 
     fn deserialize_string<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
-        visitor.visit_str(self.text()?)
+        visitor.visit_str(self.read_text()?)
     }
 
     fn deserialize_bytes<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
-        let length = self.length()?;
+        let length = self.read_length()?;
         visitor.visit_bytes(self.take(length)?)
     }
 
@@ -185,8 +186,8 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
     }
 
     fn deserialize_seq<V: Visitor<'de>>(self, visitor: V) -> Result<V::Value, MessageError> {
-        let length = self.length()?;
-        visitor.visit_seq(Items { reader: self, next: 0, length })
+        let length = self.read_length()?;
+        visitor.visit_seq(ItemAccess { reader: self, next: 0, length })
     }
 
     fn deserialize_tuple<V: Visitor<'de>>(
@@ -194,7 +195,7 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         length: usize,
         visitor: V,
     ) -> Result<V::Value, MessageError> {
-        visitor.visit_seq(Items { reader: self, next: 0, length })
+        visitor.visit_seq(ItemAccess { reader: self, next: 0, length })
     }
 
     fn deserialize_struct<V: Visitor<'de>>(
@@ -203,7 +204,7 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
         names: &'static [&'static str],
         visitor: V,
     ) -> Result<V::Value, MessageError> {
-        visitor.visit_seq(Fields { reader: self, names })
+        visitor.visit_seq(FieldAccess { reader: self, names })
     }
 
     fn deserialize_newtype_struct<V: Visitor<'de>>(
@@ -215,25 +216,25 @@ impl<'de> Deserializer<'de> for &mut Reader<'de> {
     }
 }
 
-/// Reads one part of the message at the end of the path.
-fn part<'de, S: DeserializeSeed<'de>>(
-    reader: &mut Reader<'de>,
-    step: Step,
+/// Reads one field or item and keeps the path up to date.
+fn read_part<'de, S: DeserializeSeed<'de>>(
+    reader: &mut CdrReader<'de>,
+    step: PathSegment,
     seed: S,
 ) -> Result<Option<S::Value>, MessageError> {
     reader.path.push(step);
-    let value = seed.deserialize(&mut *reader).map_err(|e| reader.located(e))?;
+    let value = seed.deserialize(&mut *reader).map_err(|e| reader.with_path(e))?;
     reader.path.pop();
     Ok(Some(value))
 }
 
-struct Items<'r, 'de> {
-    reader: &'r mut Reader<'de>,
+struct ItemAccess<'r, 'de> {
+    reader: &'r mut CdrReader<'de>,
     next: usize,
     length: usize,
 }
 
-impl<'de> SeqAccess<'de> for Items<'_, 'de> {
+impl<'de> SeqAccess<'de> for ItemAccess<'_, 'de> {
     type Error = MessageError;
 
     fn next_element_seed<S: DeserializeSeed<'de>>(
@@ -244,7 +245,7 @@ impl<'de> SeqAccess<'de> for Items<'_, 'de> {
             return Ok(None);
         }
         self.next += 1;
-        part(self.reader, Step::Item(self.next - 1), seed)
+        read_part(self.reader, PathSegment::Item(self.next - 1), seed)
     }
 
     fn size_hint(&self) -> Option<usize> {
@@ -252,12 +253,12 @@ impl<'de> SeqAccess<'de> for Items<'_, 'de> {
     }
 }
 
-struct Fields<'r, 'de> {
-    reader: &'r mut Reader<'de>,
+struct FieldAccess<'r, 'de> {
+    reader: &'r mut CdrReader<'de>,
     names: &'static [&'static str],
 }
 
-impl<'de> SeqAccess<'de> for Fields<'_, 'de> {
+impl<'de> SeqAccess<'de> for FieldAccess<'_, 'de> {
     type Error = MessageError;
 
     fn next_element_seed<S: DeserializeSeed<'de>>(
@@ -266,7 +267,7 @@ impl<'de> SeqAccess<'de> for Fields<'_, 'de> {
     ) -> Result<Option<S::Value>, MessageError> {
         let Some((name, rest)) = self.names.split_first() else { return Ok(None) };
         self.names = rest;
-        part(self.reader, Step::Field(name), seed)
+        read_part(self.reader, PathSegment::Field(name), seed)
     }
 
     fn size_hint(&self) -> Option<usize> {

@@ -1,25 +1,43 @@
-//! What can be asked of a component: a word on every wire.
+//! Kinds of requests and their names on the wire.
 
-use super::WindowKind;
+/// Kind of a window request.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum WindowKind {
+    /// Computes the next window.
+    Advance,
+    /// Computes the last window again from its beginning.
+    Redo,
+}
 
-/// A request; [`schema`](crate::schema) knows what each is asked with and answered.
+/// Kind of a request; [`schema`](crate::schema) lists the request and reply type of each.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum RequestKind {
+    /// Makes the client the owner.
     Attach,
+    /// Prepares a bed and starts a run in it.
     Init,
+    /// Computes a window.
     Window(WindowKind),
+    /// Saves the state under a name.
     Save,
+    /// Restores a saved state.
     Restore,
+    /// Deletes a saved state.
     Drop,
+    /// Starts a new run from the initial state.
     Reset,
+    /// Sets or returns parameters.
     Param,
+    /// Returns the status.
     Status,
+    /// Ends the ownership.
     Detach,
+    /// Ends the component.
     Shutdown,
 }
 
 impl RequestKind {
-    /// All of them, in the order in which people are told them.
+    /// All kinds, in the order of messages to users.
     pub const ALL: [Self; 12] = [
         Self::Attach,
         Self::Init,
@@ -35,8 +53,8 @@ impl RequestKind {
         Self::Shutdown,
     ];
 
-    /// The word on the wire.
-    pub fn word(self) -> &'static str {
+    /// Returns the name on the wire.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Attach => "attach",
             Self::Init => "init",
@@ -53,15 +71,14 @@ impl RequestKind {
         }
     }
 
-    /// The request that has this word.
-    pub fn of(word: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|verb| verb.word() == word)
+    /// Returns the kind with this name on the wire.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 }
 
-/// The word on the wire.
 impl std::fmt::Display for RequestKind {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        f.write_str(self.word())
+        f.write_str(self.name())
     }
 }

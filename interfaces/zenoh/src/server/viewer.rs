@@ -1,7 +1,7 @@
-//! Pictures for viewers, on a session of their own.
+//! Visualization stream for viewers, on a separate session.
 //!
-//! Contract: the computing thread hands a state over, or does not when the last one is still being sent; it waits for
-//! nothing. What a viewer does not take is dropped.
+//! Contract: the computing thread hands over a state, or skips it while the previous one is being sent; it never
+//! waits. Messages that a viewer does not accept are dropped.
 
 use crate::wire::cdr;
 use crate::{Error, Keys, Purpose, SessionConfig};
@@ -10,7 +10,7 @@ use ballast::math::Vec3;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_protocol::messages::{AdvanceReply, Message};
-use ballast_protocol::{pictures, to_cdr};
+use ballast_protocol::{to_cdr, visualization};
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
@@ -18,47 +18,47 @@ use std::time::{Duration, Instant};
 use zenoh::qos::{CongestionControl, Priority};
 use zenoh::{Session, Wait};
 
-/// Polyhedra, which are many times larger than points, come once in so many pictures.
-const POINTS_PER_SCENE: u64 = 5;
+/// Number of point clouds per scene of polyhedra, which is many times larger.
+const CLOUDS_PER_SCENE: u64 = 5;
 
-/// What a picture is made of.
-struct Frame {
+/// State and forces to visualize.
+struct ViewerFrame {
     model: Arc<Model>,
     state: Arc<State>,
-    /// On the driven bodies, N `[nd]`.
+    /// Forces on the driven bodies, N `[nd]`.
     forces: Vec<Vec3>,
 }
 
-/// The thread that sends pictures.
-pub(super) struct Pictures {
+/// Thread that sends visualizations.
+pub(super) struct ViewerStream {
     pub endpoints: Vec<String>,
-    every: Duration,
+    interval: Duration,
     shown: Option<Instant>,
-    frames: Option<SyncSender<Frame>>,
+    frames: Option<SyncSender<ViewerFrame>>,
     thread: Option<JoinHandle<()>>,
 }
 
-impl Pictures {
-    /// Sends a picture at most once in `every`.
-    pub fn start(link: &SessionConfig, keys: &Keys, every: Duration) -> Result<Self, Error> {
-        let session = link.open_for(Purpose::Pictures)?;
-        // One waits at most; what would come behind it is older than the next.
+impl ViewerStream {
+    /// Starts the thread; it sends at most one visualization per `interval`.
+    pub fn start(link: &SessionConfig, keys: &Keys, interval: Duration) -> Result<Self, Error> {
+        let session = link.open_for(Purpose::Viewer)?;
+        // At most one frame is queued; the next one is newer.
         let (sender, frames) = sync_channel(1);
         let keys = keys.clone();
-        let thread = std::thread::Builder::new().name("pictures".into());
+        let thread = std::thread::Builder::new().name("viewer".into());
         let thread = thread.spawn(move || send_all(&session, &keys, &frames));
-        let thread = Some(thread.map_err(|e| Error::link("pictures", e))?);
+        let thread = Some(thread.map_err(|e| Error::transport("viewer", e))?);
         let (endpoints, frames) = (link.listen.clone(), Some(sender));
-        Ok(Self { endpoints, every, shown: None, frames, thread })
+        Ok(Self { endpoints, interval, shown: None, frames, thread })
     }
 
-    /// Shows where a component is, with the forces of its last window, unless a picture was shown a moment ago.
+    /// Sends the state and the forces of the last window, unless the interval has not passed.
     pub fn show(&mut self, component: &Component, reply: Option<&AdvanceReply>) {
-        if self.shown.is_some_and(|at| at.elapsed() < self.every) {
+        if self.shown.is_some_and(|at| at.elapsed() < self.interval) {
             return;
         }
         let forces = reply.map_or(&[][..], |r| &r.bodies).iter();
-        let frame = Frame {
+        let frame = ViewerFrame {
             model: component.shared_model(),
             state: component.save(),
             forces: forces.map(|b| b.moving_average.force.into()).collect(),
@@ -69,7 +69,7 @@ impl Pictures {
     }
 }
 
-impl Drop for Pictures {
+impl Drop for ViewerStream {
     fn drop(&mut self) {
         self.frames = None;
         if let Some(thread) = self.thread.take() {
@@ -79,17 +79,21 @@ impl Drop for Pictures {
     }
 }
 
-fn send_all(session: &Session, keys: &Keys, frames: &Receiver<Frame>) {
+fn send_all(session: &Session, keys: &Keys, frames: &Receiver<ViewerFrame>) {
     for (k, frame) in (0..).zip(frames) {
-        let Frame { model, state, forces } = frame;
-        if k % POINTS_PER_SCENE == 0 {
-            send(session, keys.picture("scene"), &pictures::scene(&model, &state, &forces));
+        let ViewerFrame { model, state, forces } = frame;
+        if k % CLOUDS_PER_SCENE == 0 {
+            send(
+                session,
+                keys.visualization("scene"),
+                &visualization::scene(&model, &state, &forces),
+            );
         }
-        send(session, keys.picture("stones"), &pictures::stones(&model, &state));
+        send(session, keys.visualization("grains"), &visualization::grain_cloud(&model, &state));
     }
 }
 
-/// Nobody has to take it.
+/// Sends a message that may be dropped.
 fn send<T: Message>(session: &Session, key: String, message: &T) {
     let Ok(bytes) = to_cdr(message) else { return };
     let put = session.put(key, bytes).encoding(cdr::<T>());

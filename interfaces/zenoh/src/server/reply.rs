@@ -1,4 +1,4 @@
-//! Answers, and how they are sent.
+//! Encoded replies.
 
 use crate::wire::cdr;
 use ballast_protocol::lockstep::RequestError;
@@ -9,14 +9,14 @@ use zenoh::Wait;
 use zenoh::bytes::Encoding;
 use zenoh::query::Query;
 
-/// Bytes of an answer, and how they are to be read.
+/// Bytes of a reply and their encoding.
 #[derive(Debug, Clone)]
-pub(super) struct Answer {
+pub(super) struct EncodedReply {
     bytes: Vec<u8>,
     encoding: Encoding,
 }
 
-impl Answer {
+impl EncodedReply {
     pub fn json(value: &impl Serialize) -> Self {
         Self::text(serde_json::to_string(value).unwrap_or_default())
     }
@@ -25,7 +25,7 @@ impl Answer {
         Self { bytes: text.into_bytes(), encoding: Encoding::APPLICATION_JSON }
     }
 
-    /// A message in the encoding of the request.
+    /// Encodes a message like its request, in CDR or JSON.
     pub fn message<T: Message>(message: &T, is_cdr: bool) -> Result<Self, RequestError> {
         if !is_cdr {
             return Ok(Self::json(message));
@@ -34,8 +34,8 @@ impl Answer {
     }
 }
 
-/// Sends the answer under `key`. A caller that is gone meanwhile asks again when it is back.
-pub(super) fn send(query: &Query, key: String, result: Result<Answer, RequestError>) {
+/// Sends a reply under `key`. A client that has disconnected repeats its request later.
+pub(super) fn send(query: &Query, key: String, result: Result<EncodedReply, RequestError>) {
     let _ = match result {
         Ok(answer) => query.reply(key, answer.bytes).encoding(answer.encoding).express(true).wait(),
         Err(fault) => {

@@ -1,4 +1,4 @@
-//! Pictures of a state for viewers: points, true polyhedra, and forces as arrows.
+//! Visualization of a state: points, polyhedra, and forces as arrows.
 
 use crate::messages::{
     self, ArrowPrimitive, Color, Header, Point, PointCloud2, PointField, SceneEntity, SceneUpdate,
@@ -9,26 +9,28 @@ use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{Model, Part, Role};
 use ballast::state::State;
 
-/// Most points of a cloud; of more grains every n-th is shown.
-const MOST_POINTS: usize = 5000;
-/// 32-bit float, in the words of `PointField`.
+/// Maximum number of points of a cloud; with more grains, every n-th one is shown.
+const MAX_POINTS: usize = 5000;
+/// Data type of a 32-bit float in `PointField`.
 const FLOAT32: u8 = 7;
-/// Columns of the cloud.
+/// Fields of the cloud.
 const COLUMNS: [&str; 5] = ["x", "y", "z", "speed", "grain"];
 
-/// Length of an arrow: 10 kN are 0.2 m, and none is longer than a metre. Length of its head, m.
+/// Scale of force arrows: 10 kN are 0.2 m.
 const METRES_PER_NEWTON: f64 = 2e-5;
-const LONGEST_ARROW: f64 = 1.0;
-const HEAD: f64 = 0.04;
+/// Maximum length of a force arrow, m.
+const MAX_ARROW_LENGTH: f64 = 1.0;
+/// Length of an arrow head, m.
+const ARROW_HEAD_LENGTH: f64 = 0.04;
 
 const FORCE: Color = Color { r: 0.1, g: 0.45, b: 0.9, a: 1.0 };
-const STONE: Color = Color { r: 0.62, g: 0.58, b: 0.52, a: 1.0 };
+const GRAIN: Color = Color { r: 0.62, g: 0.58, b: 0.52, a: 1.0 };
 const SLEEPER: Color = Color { r: 0.75, g: 0.75, b: 0.72, a: 0.5 };
 const TINE: Color = Color { r: 0.85, g: 0.35, b: 0.15, a: 1.0 };
 
-/// Centres of the grains (m), their speed (m/s) and number, as 32-bit floats.
-pub fn stones(model: &Model, state: &State) -> PointCloud2 {
-    let every = model.grains.len().div_ceil(MOST_POINTS).max(1);
+/// Returns the centres of the grains (m), their speeds (m/s) and indices as a point cloud of 32-bit floats.
+pub fn grain_cloud(model: &Model, state: &State) -> PointCloud2 {
+    let every = model.grains.len().div_ceil(MAX_POINTS).max(1);
     let mut data = Vec::new();
     for i in (0..model.grains.len()).step_by(every) {
         let (p, v) = (state.position[i], state.velocity[i]);
@@ -56,15 +58,16 @@ pub fn stones(model: &Model, state: &State) -> PointCloud2 {
     }
 }
 
-/// All grains, tines and sleepers as they are; `forces` of the ballast on the driven bodies, N `[nd]`, or none, are
-/// arrows from the bodies' reference points.
+/// Returns polyhedra of all grains, tines and sleepers.
+///
+/// `forces` of the ballast on the driven bodies, N `[nd]` or empty, become arrows at the bodies' reference points.
 pub fn scene(model: &Model, state: &State, forces: &[Vec3]) -> SceneUpdate {
     let ng = model.grains.len();
     let mut grains = Mesh::default();
     for (i, shape) in model.grains.shape.iter().enumerate() {
         grains.add(&model.shapes[*shape as usize], &state.pose(i));
     }
-    let mut entities = vec![entity("stones", state.time_ns, grains, STONE)];
+    let mut entities = vec![entity("grains", state.time_ns, grains, GRAIN)];
     for (d, body) in model.driven.iter().enumerate() {
         let color = match body.role {
             Role::Boundary => continue,
@@ -84,28 +87,28 @@ pub fn scene(model: &Model, state: &State, forces: &[Vec3]) -> SceneUpdate {
     SceneUpdate { deletions: Vec::new(), entities }
 }
 
-/// A force as an arrow, which points along the x axis of its pose; none where there is no force.
+/// Returns an arrow along the x axis of its pose, or `None` without a force.
 fn arrow(at: &Vec3, force: &Vec3) -> Option<ArrowPrimitive> {
-    // A number that is none has no arrow either.
+    // NaN has no arrow either.
     if !(force.norm() > 0.0) {
         return None;
     }
-    let length = (force.norm() * METRES_PER_NEWTON).min(LONGEST_ARROW);
-    // Opposite to x there is no shortest way round.
+    let length = (force.norm() * METRES_PER_NEWTON).min(MAX_ARROW_LENGTH);
+    // Opposite to x, the shortest rotation is not unique.
     let turn = Quat::rotation_between(&Vec3::x(), force)
         .unwrap_or_else(|| Quat::from_axis_angle(&Vec3::z_axis(), std::f64::consts::PI));
-    let head = HEAD.min(0.5 * length);
+    let head = ARROW_HEAD_LENGTH.min(0.5 * length);
     Some(ArrowPrimitive {
         pose: messages::Pose { position: (*at).into(), orientation: turn.into() },
         shaft_length: length - head,
-        shaft_diameter: 0.3 * HEAD,
+        shaft_diameter: 0.3 * ARROW_HEAD_LENGTH,
         head_length: head,
-        head_diameter: 0.6 * HEAD,
+        head_diameter: 0.6 * ARROW_HEAD_LENGTH,
         color: FORCE,
     })
 }
 
-/// Triangles in world coordinates.
+/// Triangle mesh in world coordinates.
 #[derive(Default)]
 struct Mesh {
     points: Vec<Point>,

@@ -1,4 +1,4 @@
-//! The stock types of ROS 2 that every tool knows.
+//! Standard message types of ROS 2.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -14,7 +14,7 @@ macro_rules! message {
 pub(super) use message;
 
 message!(
-    /// A moment: whole seconds and the rest, which is positive.
+    /// Time: whole seconds, and nanoseconds from 0 to 999 999 999.
     #[derive(Copy, Eq)]
     Time { sec: i32, nanosec: u32 }
 );
@@ -32,7 +32,7 @@ message!(
     Point { x: f64, y: f64, z: f64 }
 );
 
-/// A rotation, body to world, scalar last.
+/// Rotation, body to world.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Quaternion {
@@ -53,12 +53,12 @@ message!(
     Pose { position: Point, orientation: Quaternion }
 );
 message!(
-    /// Velocity, m/s, and spin, rad/s.
+    /// Velocity, m/s, and angular velocity, rad/s.
     #[derive(Copy)]
     Twist { linear: Vector3, angular: Vector3 }
 );
 message!(
-    /// N, N m.
+    /// Force, N, and torque, N m.
     #[derive(Copy)]
     Wrench { force: Vector3, torque: Vector3 }
 );
@@ -76,7 +76,7 @@ message!(
     Clock { clock: Time }
 );
 message!(
-    /// A column of a point cloud; `datatype` 7 is a 32-bit float.
+    /// Field of the points of a cloud; `datatype` 7 is a 32-bit float.
     PointField { name: String, offset: u32, datatype: u8, count: u32 }
 );
 message!(PointCloud2 {
@@ -91,7 +91,7 @@ message!(PointCloud2 {
     is_dense: bool,
 });
 message!(
-    /// `level`: 10 debug, 20 info, 30 warning, 40 error, 50 fatal.
+    /// Log message; `level` is 10 debug, 20 info, 30 warning, 40 error, 50 fatal.
     Log {
         stamp: Time,
         level: u8,
@@ -104,7 +104,7 @@ message!(
 );
 
 impl Time {
-    /// A moment of simulated time, ns since the start of the run. Beyond 68 years: the last one.
+    /// Converts simulated time, ns; times beyond 68 years become the last one.
     pub fn from_ns(ns: u64) -> Self {
         match i32::try_from(ns / 1_000_000_000) {
             Ok(sec) => Self { sec, nanosec: (ns % 1_000_000_000) as u32 },
@@ -112,14 +112,14 @@ impl Time {
         }
     }
 
-    /// ns.
+    /// Returns the time, ns.
     pub fn ns(self) -> i64 {
         i64::from(self.sec) * 1_000_000_000 + i64::from(self.nanosec)
     }
 }
 
 impl Log {
-    /// Something worth knowing, at a moment of simulated time, ns.
+    /// Creates an information message at a simulated time, ns.
     pub fn info(time_ns: u64, name: &str, text: &str) -> Self {
         let (stamp, name, msg) = (Time::from_ns(time_ns), name.into(), text.into());
         Self { stamp, level: 20, name, msg, ..Self::default() }
@@ -127,7 +127,7 @@ impl Log {
 }
 
 impl Header {
-    /// Something in the world's frame at a moment of simulated time, ns.
+    /// Creates the header of data in the world frame at a simulated time, ns.
     pub fn world(time_ns: u64) -> Self {
         Self { stamp: Time::from_ns(time_ns), frame_id: super::WORLD.into() }
     }

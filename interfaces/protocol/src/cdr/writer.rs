@@ -1,20 +1,20 @@
-//! serde's data model as CDR, as far as ROS 2 messages go.
+//! CDR encoder for serde, limited to the types of ROS 2 messages.
 
 use super::LITTLE;
 use crate::MessageError;
 use serde::Serialize;
 use serde::ser::{Impossible, SerializeSeq, SerializeStruct, SerializeTuple, Serializer};
 
-pub(super) struct Writer {
+pub(super) struct CdrWriter {
     out: Vec<u8>,
 }
 
-/// Length of the encapsulation header, which alignment does not count.
-const HEADER: usize = 4;
+/// Length of the encapsulation header, which alignment ignores.
+const HEADER_BYTES: usize = 4;
 
-impl Writer {
+impl CdrWriter {
     pub fn new() -> Self {
-        let mut out = vec![0; HEADER];
+        let mut out = vec![0; HEADER_BYTES];
         out[..2].copy_from_slice(&LITTLE);
         Self { out }
     }
@@ -24,7 +24,7 @@ impl Writer {
     }
 
     fn number<const N: usize>(&mut self, bytes: [u8; N]) -> Result<(), MessageError> {
-        let end = (self.out.len() - HEADER).next_multiple_of(N) + HEADER;
+        let end = (self.out.len() - HEADER_BYTES).next_multiple_of(N) + HEADER_BYTES;
         self.out.resize(end, 0);
         self.out.extend_from_slice(&bytes);
         Ok(())
@@ -37,23 +37,23 @@ impl Writer {
     }
 }
 
-/// What ROS 2 messages have no word for.
-fn foreign<T>(what: &str) -> Result<T, MessageError> {
+/// Returns the error of a type that ROS 2 messages cannot express.
+fn unsupported<T>(what: &str) -> Result<T, MessageError> {
     Err(MessageError::new("", "a type of ROS 2 messages", what))
 }
 
-type Never = Impossible<(), MessageError>;
+type Unsupported = Impossible<(), MessageError>;
 
-impl Serializer for &mut Writer {
+impl Serializer for &mut CdrWriter {
     type Ok = ();
     type Error = MessageError;
     type SerializeSeq = Self;
     type SerializeTuple = Self;
-    type SerializeTupleStruct = Never;
-    type SerializeTupleVariant = Never;
-    type SerializeMap = Never;
+    type SerializeTupleStruct = Unsupported;
+    type SerializeTupleVariant = Unsupported;
+    type SerializeMap = Unsupported;
     type SerializeStruct = Self;
-    type SerializeStructVariant = Never;
+    type SerializeStructVariant = Unsupported;
 
     fn is_human_readable(&self) -> bool {
         false
@@ -110,7 +110,7 @@ impl Serializer for &mut Writer {
     }
 
     fn serialize_seq(self, length: Option<usize>) -> Result<Self, MessageError> {
-        let Some(length) = length else { return foreign("a sequence of unknown length") };
+        let Some(length) = length else { return unsupported("a sequence of unknown length") };
         self.length(length)?;
         Ok(self)
     }
@@ -132,19 +132,19 @@ impl Serializer for &mut Writer {
     }
 
     fn serialize_char(self, _: char) -> Result<(), MessageError> {
-        foreign("a character")
+        unsupported("a character")
     }
     fn serialize_none(self) -> Result<(), MessageError> {
-        foreign("an option")
+        unsupported("an option")
     }
     fn serialize_some<T: ?Sized + Serialize>(self, _: &T) -> Result<(), MessageError> {
-        foreign("an option")
+        unsupported("an option")
     }
     fn serialize_unit(self) -> Result<(), MessageError> {
-        foreign("nothing")
+        unsupported("nothing")
     }
     fn serialize_unit_struct(self, name: &'static str) -> Result<(), MessageError> {
-        foreign(name)
+        unsupported(name)
     }
     fn serialize_unit_variant(
         self,
@@ -152,7 +152,7 @@ impl Serializer for &mut Writer {
         _: u32,
         _: &'static str,
     ) -> Result<(), MessageError> {
-        foreign(name)
+        unsupported(name)
     }
     fn serialize_newtype_variant<T: ?Sized + Serialize>(
         self,
@@ -161,10 +161,14 @@ impl Serializer for &mut Writer {
         _: &'static str,
         _: &T,
     ) -> Result<(), MessageError> {
-        foreign(name)
+        unsupported(name)
     }
-    fn serialize_tuple_struct(self, name: &'static str, _: usize) -> Result<Never, MessageError> {
-        foreign(name)
+    fn serialize_tuple_struct(
+        self,
+        name: &'static str,
+        _: usize,
+    ) -> Result<Unsupported, MessageError> {
+        unsupported(name)
     }
     fn serialize_tuple_variant(
         self,
@@ -172,11 +176,11 @@ impl Serializer for &mut Writer {
         _: u32,
         _: &'static str,
         _: usize,
-    ) -> Result<Never, MessageError> {
-        foreign(name)
+    ) -> Result<Unsupported, MessageError> {
+        unsupported(name)
     }
-    fn serialize_map(self, _: Option<usize>) -> Result<Never, MessageError> {
-        foreign("a map")
+    fn serialize_map(self, _: Option<usize>) -> Result<Unsupported, MessageError> {
+        unsupported("a map")
     }
     fn serialize_struct_variant(
         self,
@@ -184,12 +188,12 @@ impl Serializer for &mut Writer {
         _: u32,
         _: &'static str,
         _: usize,
-    ) -> Result<Never, MessageError> {
-        foreign(name)
+    ) -> Result<Unsupported, MessageError> {
+        unsupported(name)
     }
 }
 
-impl SerializeSeq for &mut Writer {
+impl SerializeSeq for &mut CdrWriter {
     type Ok = ();
     type Error = MessageError;
 
@@ -201,7 +205,7 @@ impl SerializeSeq for &mut Writer {
     }
 }
 
-impl SerializeTuple for &mut Writer {
+impl SerializeTuple for &mut CdrWriter {
     type Ok = ();
     type Error = MessageError;
 
@@ -213,7 +217,7 @@ impl SerializeTuple for &mut Writer {
     }
 }
 
-impl SerializeStruct for &mut Writer {
+impl SerializeStruct for &mut CdrWriter {
     type Ok = ();
     type Error = MessageError;
 

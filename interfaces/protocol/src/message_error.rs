@@ -1,16 +1,19 @@
-//! What is wrong with a message.
+//! Errors of messages.
 
-/// A message that cannot be read, written or used: where in it, what was expected, what was found.
+/// Error of a message that cannot be decoded, encoded or used: its place, the expected and the found value.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{place}: expected {expected}, found {found}")]
 pub struct MessageError {
-    /// Type and path of the field, `ballast_msgs/msg/BodyMotion.knots[2].pose`.
+    /// Type and path of the field, such as `ballast_msgs/msg/BodyMotion.knots[2].pose`.
     pub place: String,
+    /// Values that are accepted.
     pub expected: String,
+    /// Value of the message.
     pub found: String,
 }
 
 impl MessageError {
+    /// Creates an error at a place.
     pub fn new(
         place: impl Into<String>,
         expected: impl Into<String>,
@@ -19,7 +22,7 @@ impl MessageError {
         Self { place: place.into(), expected: expected.into(), found: found.to_string() }
     }
 
-    /// Puts what the place is part of in front of it.
+    /// Prefixes the place with the enclosing field or type.
     pub(crate) fn inside(mut self, whole: &str) -> Self {
         let joint =
             if self.place.is_empty() || self.place.starts_with(['[', ',']) { "" } else { "." };
@@ -28,7 +31,7 @@ impl MessageError {
     }
 }
 
-/// How serde's own complaints arrive: without a place, which the caller adds.
+// Errors of serde have no place; the caller adds it.
 impl serde::de::Error for MessageError {
     fn custom<T: std::fmt::Display>(message: T) -> Self {
         Self::new("", "a value of this type", message)

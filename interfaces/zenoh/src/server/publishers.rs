@@ -1,12 +1,12 @@
-//! What everyone is told after a window, and what late observers are told when they ask.
+//! Publishers of window results, and the last message of each key for late observers.
 //!
-//! Contract: whoever listens gets all of it or is cut off by the transport; the last message of every key is
-//! kept for those who come later and ask with a query.
+//! Contract: a subscriber receives every message or is disconnected by the transport. The last message of every key
+//! is stored and returned to queries.
 
-use super::answer;
-use super::shared::Shared;
+use super::reply;
+use super::status::SharedStatus;
 use crate::wire::cdr;
-use crate::{Error, Keys, locked};
+use crate::{Error, Keys, lock_unpoisoned};
 use ballast::model::Model;
 use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::{
@@ -23,50 +23,50 @@ use zenoh::qos::CongestionControl;
 use zenoh::query::Query;
 use zenoh::{Session, Wait};
 
-/// Last message by key: bytes and encoding.
-type Last = Arc<Mutex<BTreeMap<String, (Vec<u8>, Encoding)>>>;
+/// LastMessages message by key: bytes and encoding.
+type LastMessages = Arc<Mutex<BTreeMap<String, (Vec<u8>, Encoding)>>>;
 
-/// Publishers by key, declared once.
-pub(super) struct Outlets {
+/// Publishers by key.
+pub(super) struct Publishers {
     session: Session,
     keys: Keys,
-    by_key: BTreeMap<String, Publisher<'static>>,
-    last: Last,
-    /// Keys of the squeezes that the last window has told: computed anew, it may have others.
+    publishers: BTreeMap<String, Publisher<'static>>,
+    last: LastMessages,
+    /// Keys of the squeezes published by the last window; a redo may publish others.
     squeezes: Vec<String>,
 }
 
-impl Outlets {
+impl Publishers {
     pub fn declare(
         session: &Session,
         keys: &Keys,
-        shared: &Arc<Shared>,
+        shared: &Arc<SharedStatus>,
         model: &Model,
     ) -> Result<Self, Error> {
-        let last = Last::default();
-        let mut outlets = Self {
+        let last = LastMessages::default();
+        let mut publishers = Self {
             session: session.clone(),
             keys: keys.clone(),
-            by_key: BTreeMap::new(),
+            publishers: BTreeMap::new(),
             last: Arc::clone(&last),
             squeezes: vec![],
         };
         for body in &model.driven {
             for what in ["pose", "twist", "wrench", "impulse"] {
-                outlets.open(keys.out_body(&body.name, what))?;
+                publishers.open(keys.out_body(&body.name, what))?;
             }
         }
         for what in ["clock", "solver", "hash", "log"] {
-            outlets.open(keys.out(what))?;
+            publishers.open(keys.out(what))?;
         }
         let late = session.declare_queryable(keys.out_any());
         let (shared, status) = (Arc::clone(shared), keys.out("status"));
         let late = late.callback(move |query| match shared.check_rate() {
-            Ok(()) => tell_late(&last, &query, &status, &shared),
-            Err(fault) => answer::send(&query, status.clone(), Err(fault)),
+            Ok(()) => answer_late_observer(&last, &query, &status, &shared),
+            Err(fault) => reply::send(&query, status.clone(), Err(fault)),
         });
-        late.background().wait().map_err(|e| Error::link("zenoh", e))?;
-        Ok(outlets)
+        late.background().wait().map_err(|e| Error::transport("zenoh", e))?;
+        Ok(publishers)
     }
 
     fn open(&mut self, key: String) -> Result<(), Error> {
@@ -75,24 +75,24 @@ impl Outlets {
             .declare_publisher(key.clone())
             .congestion_control(CongestionControl::Block)
             .wait()
-            .map_err(|e| Error::link(key.clone(), e))?;
-        self.by_key.insert(key, publisher);
+            .map_err(|e| Error::transport(key.clone(), e))?;
+        self.publishers.insert(key, publisher);
         Ok(())
     }
 
     fn put<T: Message>(&mut self, key: String, message: &T) {
-        if !self.by_key.contains_key(&key) && self.open(key.clone()).is_err() {
+        if !self.publishers.contains_key(&key) && self.open(key.clone()).is_err() {
             return;
         }
-        if let (Some(publisher), Ok(bytes)) = (self.by_key.get(&key), to_cdr(message)) {
-            // First: who comes in between is told twice, and not of what was before.
-            locked(&self.last).insert(key, (bytes.clone(), cdr::<T>()));
-            // Whoever listens is told; nobody has to.
+        if let (Some(publisher), Ok(bytes)) = (self.publishers.get(&key), to_cdr(message)) {
+            // Stored first, so that a query in between returns the new message.
+            lock_unpoisoned(&self.last).insert(key, (bytes.clone(), cdr::<T>()));
+            // Publishing without subscribers is no error.
             let _ = publisher.put(bytes).encoding(cdr::<T>()).wait();
         }
     }
 
-    fn body(&mut self, body: &WrenchImpulse) {
+    fn publish_body(&mut self, body: &WrenchImpulse) {
         let (header, name) = (body.header.clone(), &body.body);
         let pose = PoseStamped { header: header.clone(), pose: body.pose };
         self.put(self.keys.out_body(name, "pose"), &pose);
@@ -103,25 +103,26 @@ impl Outlets {
         self.put(self.keys.out_body(name, "impulse"), body);
     }
 
-    /// Tells everyone what a window has done; the clock comes last and closes it. Of one that was taken back there is
-    /// nothing to tell but that it was: bodies bear what they bore. With a redo the window that stood is gone, too.
-    pub fn window(&mut self, kind: WindowKind, reply: &AdvanceReply) {
+    /// Publishes the results of a window; the clock is published last.
+    ///
+    /// A rolled-back window is only logged. A rolled-back redo also invalidates the results of the previous window.
+    pub fn publish_window(&mut self, kind: WindowKind, reply: &AdvanceReply) {
         if !reply.status.is_kept() {
             let AdvanceReply { seq, status, message, .. } = reply;
-            let text = format!("window {seq} was taken back ({}): {message}", status.word());
+            let text = format!("window {seq} was rolled back ({}): {message}", status.word());
             self.log(core_ns(reply.t1_ns), &text);
             let now_ns = core_ns(reply.t1_ns);
             return match kind {
-                WindowKind::Advance => self.moment(reply.hash, now_ns),
-                WindowKind::Redo => self.elsewhere(reply.hash, now_ns),
+                WindowKind::Advance => self.publish_position(reply.hash, now_ns),
+                WindowKind::Redo => self.publish_replaced_state(reply.hash, now_ns),
             };
         }
         let before = std::mem::take(&mut self.squeezes);
         if kind == WindowKind::Redo {
-            locked(&self.last).retain(|key, _| !before.contains(key));
+            lock_unpoisoned(&self.last).retain(|key, _| !before.contains(key));
         }
         for body in &reply.bodies {
-            self.body(body);
+            self.publish_body(body);
         }
         for zone in &reply.zones {
             self.put(self.keys.out_zone(&zone.zone), zone);
@@ -132,34 +133,34 @@ impl Outlets {
             self.squeezes.push(key);
         }
         self.put(self.keys.out("solver"), &reply.solver);
-        self.moment(reply.hash, core_ns(reply.t1_ns));
+        self.publish_position(reply.hash, core_ns(reply.t1_ns));
     }
 
-    /// Tells everyone that the run goes on from elsewhere; what windows before that have message holds no more.
-    pub fn elsewhere(&mut self, hash: StateHash, now_ns: u64) {
+    /// Publishes that the state was replaced, and removes the stored results of earlier windows.
+    pub fn publish_replaced_state(&mut self, hash: StateHash, now_ns: u64) {
         let log = self.keys.out("log");
-        locked(&self.last).retain(|key, _| *key == log);
-        self.moment(hash, now_ns);
+        lock_unpoisoned(&self.last).retain(|key, _| *key == log);
+        self.publish_position(hash, now_ns);
     }
 
-    /// State and time of the run.
-    fn moment(&mut self, hash: StateHash, now_ns: u64) {
+    /// Publishes hash and time of the run.
+    fn publish_position(&mut self, hash: StateHash, now_ns: u64) {
         self.put(self.keys.out("hash"), &hash);
         self.put(self.keys.out("clock"), &Clock { clock: Time::from_ns(now_ns) });
     }
 
-    /// Tells everyone a line of the log, at a time of the run.
+    /// Publishes a log message at a simulated time.
     pub fn log(&mut self, now_ns: u64, text: &str) {
         let log = Log::info(now_ns, self.keys.name(), text);
         self.put(self.keys.out("log"), &log);
     }
 }
 
-/// Answers with the last messages under the keys that are asked for; under `status` with what the component does now.
-fn tell_late(last: &Last, query: &Query, status: &str, shared: &Shared) {
+/// Answers a query with the last messages of its keys, and with the current status.
+fn answer_late_observer(last: &LastMessages, query: &Query, status: &str, shared: &SharedStatus) {
     let is_wanted =
         |key: &str| KeyExpr::try_from(key).is_ok_and(|key| query.key_expr().intersects(&key));
-    let last = locked(last);
+    let last = lock_unpoisoned(last);
     let mut wanted: Vec<_> = last
         .iter()
         .filter(|(key, _)| is_wanted(key))
@@ -171,7 +172,7 @@ fn tell_late(last: &Last, query: &Query, status: &str, shared: &Shared) {
         wanted.push((status.to_string(), text, Encoding::APPLICATION_JSON));
     }
     for (key, bytes, encoding) in wanted {
-        // Who has gone meanwhile does not miss it.
+        // A client that has disconnected needs no reply.
         let _ = query.reply(key, bytes).encoding(encoding).wait();
     }
 }
