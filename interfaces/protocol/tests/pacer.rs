@@ -10,7 +10,8 @@ use ballast_protocol::lockstep::{ComponentState, ErrorCode, StatusReport};
 use ballast_protocol::messages::{
     AdvanceRequest, BodyMotion, InterpolationMode, MotionKnot, Twist,
 };
-use ballast_protocol::pacer::{MAX_SAMPLES_PER_BODY, NextAction, Pacer, RealTimeMode};
+use ballast_protocol::pacer::{MAX_SAMPLES_PER_BODY, NextAction, Pacer};
+use ballast_protocol::real_time::RealTimeMode;
 use common::scene::Random;
 use std::sync::Arc;
 

@@ -25,12 +25,19 @@ pub(super) struct MotionLimit {
 impl MotionLimit {
     pub fn new(component: &Component, d: usize, interpolation: Interpolation) -> Self {
         let (model, state) = (component.model(), component.state());
-        let limit = SpeedLimit::of(model);
+        let limit = SpeedLimit::new(model);
         let lever = match limit.max_displacement.is_finite() {
-            true => limit.max_displacement / limit.time(model, state, d, &Vec3::zeros(), &Vec3::x()),
+            true => {
+                limit.max_displacement / limit.time(model, state, d, &Vec3::zeros(), &Vec3::x())
+            }
             false => 0.0,
         };
-        Self { max_displacement: limit.max_displacement, step: model.stepping.h(), lever, interpolation }
+        Self {
+            max_displacement: limit.max_displacement,
+            step: model.stepping.h(),
+            lever,
+            interpolation,
+        }
     }
 
     /// Returns true if a body can move from `a` to the later knot `b`.
