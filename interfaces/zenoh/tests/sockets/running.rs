@@ -37,7 +37,7 @@ struct Keeps {
 }
 
 impl ServerHooks for Keeps {
-    fn computed(
+    fn window_computed(
         &mut self,
         _: &ballast_protocol::lockstep::Lockstep,
         _: ballast_protocol::lockstep::WindowKind,
