@@ -1,5 +1,8 @@
 //! The command line of `ballast bench`, and the arguments that other commands share with it.
 
+// Flattened groups are documented at their types.
+#![allow(missing_docs)]
+
 use ballast::model::{Schedule, Stepping};
 use ballast::step::MAX_THREADS;
 use ballast_session::case::CaseOverrides;
@@ -21,7 +24,7 @@ pub fn thread_count() -> RangedU64ValueParser<usize> {
 pub struct OverrideArgs {
     /// Order of the sweeps, instead of the schedule in the case
     #[arg(long)]
-    pub schedule: Option<ScheduleName>,
+    pub schedule: Option<ScheduleArg>,
     /// Seed of the bed, instead of the seed in the case
     #[arg(long)]
     pub seed: Option<u64>,
@@ -43,7 +46,7 @@ pub struct BedCacheArgs {
 
 /// Schedules of the solver, by name.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ScheduleName {
+pub enum ScheduleArg {
     /// One set of contacts, no decomposition
     Sequential,
     /// Subdomains in parallel, then the interface: same bytes for any number of threads
@@ -52,12 +55,12 @@ pub enum ScheduleName {
     Asynchronous,
 }
 
-impl From<ScheduleName> for Schedule {
-    fn from(name: ScheduleName) -> Self {
+impl From<ScheduleArg> for Schedule {
+    fn from(name: ScheduleArg) -> Self {
         match name {
-            ScheduleName::Sequential => Schedule::Sequential,
-            ScheduleName::Synchronous => Schedule::Synchronous,
-            ScheduleName::Asynchronous => Schedule::Asynchronous,
+            ScheduleArg::Sequential => Schedule::Sequential,
+            ScheduleArg::Synchronous => Schedule::Synchronous,
+            ScheduleArg::Asynchronous => Schedule::Asynchronous,
         }
     }
 }
@@ -99,7 +102,7 @@ pub struct SampleArgs {
     pub tolerance: Option<f64>,
     /// Order of the sweeps
     #[arg(long, default_value = "synchronous")]
-    pub schedule: ScheduleName,
+    pub schedule: ScheduleArg,
     /// Number of subdomains (default: subdomains of a thousand contacts)
     #[arg(long, value_name = "N")]
     pub subdomains: Option<NonZeroU32>,

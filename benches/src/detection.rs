@@ -16,7 +16,7 @@ use ballast::drive::StepInputs;
 use ballast::math::Vec3;
 use ballast::motion::Motion;
 use ballast::step::{Phase, StepObserver};
-use ballast_session::profile::{Profile, Spent};
+use ballast_session::profile::{PhaseTime, Profile};
 use ballast_session::statistics::Quartiles;
 use ballast_session::table::on_threads;
 use ballast_session::{Failure, Reporter, Result};
@@ -65,7 +65,7 @@ pub fn detection(args: &DetectionArgs, console: &dyn Reporter) -> Result {
 struct DetectionTrial {
     threads: usize,
     /// Times of broad and narrow phase in each step.
-    times: Vec<[Spent; 2]>,
+    times: Vec<[PhaseTime; 2]>,
     contacts: f64,
     /// Pairs in the list of the detector; `None` in a run, where it is not accessible.
     pairs: Option<usize>,
@@ -146,7 +146,7 @@ fn detect(
     motion: &Motion,
     pool: &ThreadPool,
     cache: &mut (Detector, Contacts),
-) -> [Spent; 2] {
+) -> [PhaseTime; 2] {
     let (detector, contacts) = cache;
     pool.install(|| {
         let mut profile = Profile::start();
@@ -184,10 +184,10 @@ fn moving(
 fn add(sheet: &mut ResultSheet, way: &str, scene: &BenchScene, trials: &[DetectionTrial]) {
     sheet.section(way);
     let per_grain = 1e6 / scene.model.grains.len().max(1) as f64;
-    let of = |trial: &DetectionTrial, part: fn(&[Spent; 2]) -> f64| -> Vec<f64> {
+    let of = |trial: &DetectionTrial, part: fn(&[PhaseTime; 2]) -> f64| -> Vec<f64> {
         trial.times.iter().map(|times| per_grain * part(times)).collect()
     };
-    let whole = |t: &[Spent; 2]| (t[0].wall + t[1].wall).as_secs_f64();
+    let whole = |t: &[PhaseTime; 2]| (t[0].wall + t[1].wall).as_secs_f64();
     let first = of(&trials[0], whole);
     for trial in trials {
         let times = of(trial, whole);

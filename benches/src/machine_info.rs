@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 /// Ticks per second in `/proc/stat`.
 const TICKS_PER_SECOND: f64 = 100.0;
 
-/// Machine of a measurement, observed since its start.
+/// CycleStepper of a measurement, observed since its start.
 pub struct MachineInfo {
     start: Instant,
     /// CPU time of this process at the start.

@@ -15,7 +15,7 @@ use ballast::step::{Phase, StepReport, step};
 use ballast::workspace::Workspace;
 use ballast_scenario::sample::{self, Sample};
 use ballast_session::files::{expect_different, read_sample, replace_text};
-use ballast_session::profile::{Profile, Spent};
+use ballast_session::profile::{PhaseTime, Profile};
 use ballast_session::statistics::Statistics;
 use ballast_session::{Failure, Reporter, Result};
 use serde_json::{Value, json};
@@ -203,7 +203,7 @@ fn figures(sample: &Sample, steps: u64, trial: &SampleTrial, profile: &Profile) 
 }
 
 /// Returns wall and CPU time per item in units of `1 / scale` s.
-fn per(spent: Spent, scale: f64, count: f64) -> Value {
+fn per(spent: PhaseTime, scale: f64, count: f64) -> Value {
     let each = |seconds: f64| if count > 0.0 { scale * seconds / count } else { 0.0 };
     json!({ "wall": each(spent.wall.as_secs_f64()), "cpu": each(spent.cpu.as_secs_f64()) })
 }

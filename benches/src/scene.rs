@@ -13,7 +13,7 @@ use ballast_scenario::sample::Sample;
 use ballast_session::beds;
 use ballast_session::case::{self, Case, CaseOverrides};
 use ballast_session::files::read_sample;
-use ballast_session::machine::{self, Machine};
+use ballast_session::machine::{self, CycleStepper};
 use ballast_session::profile::Profile;
 use ballast_session::{Failure, Reporter, Result};
 use std::path::Path;
@@ -31,7 +31,7 @@ pub struct BenchScene {
 /// Source of the motion of the driven bodies.
 pub enum SceneDriver {
     /// Tamping cycle of the case.
-    Machine(Box<Machine>),
+    Cycle(Box<CycleStepper>),
     /// Poses that the driven bodies keep `[nd]`.
     Fixed(Vec<Pose>),
 }
@@ -51,7 +51,7 @@ impl BenchScene {
             model.solver.schedule = schedule.into();
         }
         let cycle = machine::cycle(&case, &model, &state)?;
-        let driver = SceneDriver::Machine(Box::new(Machine::new(cycle, &model)));
+        let driver = SceneDriver::Cycle(Box::new(CycleStepper::new(cycle, &model)));
         Ok(Self { name: case.plan.name.clone(), model, state, driver, steps: case.steps() })
     }
 
@@ -88,7 +88,7 @@ impl BenchScene {
     pub fn targets(&self) -> Vec<Pose> {
         match &self.driver {
             SceneDriver::Fixed(poses) => poses.clone(),
-            SceneDriver::Machine(machine) => {
+            SceneDriver::Cycle(machine) => {
                 let mut targets = Vec::new();
                 machine.cycle.targets(&self.model, &self.state, &mut targets);
                 targets
@@ -107,7 +107,7 @@ impl SceneDriver {
         watch: &mut Profile,
     ) -> Result<StepReport> {
         match self {
-            SceneDriver::Machine(machine) => Ok(machine.step(model, state, workspace, watch)?.0),
+            SceneDriver::Cycle(machine) => Ok(machine.step(model, state, workspace, watch)?.0),
             SceneDriver::Fixed(poses) => {
                 let inputs = StepInputs::from_targets(poses);
                 Ok(step(model, state, &inputs, workspace, watch)?)

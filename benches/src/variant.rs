@@ -7,7 +7,7 @@ use ballast::model::{Model, Solver};
 use ballast::state::State;
 use ballast::step::{Phase, StepReport};
 use ballast::workspace::Workspace;
-use ballast_session::profile::{Profile, Spent};
+use ballast_session::profile::{PhaseTime, Profile};
 use ballast_session::statistics::Quartiles;
 use ballast_session::{Reporter, Result};
 use rayon::ThreadPool;
@@ -28,13 +28,13 @@ pub struct Variant {
 
 /// Measurement of one step.
 pub struct StepSample {
-    pub phases: [Spent; Phase::ALL.len()],
+    pub phases: [PhaseTime; Phase::ALL.len()],
     pub report: StepReport,
 }
 
 impl StepSample {
     /// Returns the time of some phases.
-    pub fn of(&self, phases: &[Phase]) -> Spent {
+    pub fn of(&self, phases: &[Phase]) -> PhaseTime {
         phases.iter().map(|&phase| self.phases[phase as usize]).sum()
     }
 

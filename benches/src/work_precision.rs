@@ -13,7 +13,7 @@ use super::stop_rule::StopRule;
 use ballast::model::{Model, PenetrationCorrection, Schedule, Solver, Stepping};
 use ballast::observe::mean_speed;
 use ballast::workspace::Workspace;
-use ballast_session::profile::{Profile, Spent};
+use ballast_session::profile::{PhaseTime, Profile};
 use ballast_session::{Failure, Reporter, Result};
 use std::num::NonZeroU32;
 use std::time::Duration;
@@ -122,7 +122,7 @@ fn trial_plans(args: &WorkPrecisionArgs) -> Result<Vec<TrialPlan>> {
 
 /// Cost and final penetrations of one run.
 struct TrialResult {
-    spent: Spent,
+    spent: PhaseTime,
     contacts: usize,
     /// Penetrations at the end, ascending, m.
     depths: Vec<f64>,

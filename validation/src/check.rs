@@ -123,9 +123,9 @@ impl CheckFinding {
     }
 }
 
-/// Check with its findings.
+/// ValidationCheck with its findings.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Check {
+pub struct ValidationCheck {
     /// Name of the check.
     pub name: String,
     /// Procedure and sizes.
@@ -142,7 +142,7 @@ pub struct Check {
     pub seconds: f64,
 }
 
-impl Check {
+impl ValidationCheck {
     /// Creates a check without findings.
     pub fn new(name: &str, what: impl Into<String>, origin: &str) -> Self {
         Self {

@@ -1,6 +1,6 @@
 //! Collapse of columns of ballast grains.
 
-use super::check::{Check, CheckFinding, exponent};
+use super::check::{CheckFinding, ValidationCheck, exponent};
 use super::heaps::{FIRST_SEED, grains, stones};
 use super::samples_progress::map_in_order;
 use super::suite_size::SuiteSize;
@@ -88,14 +88,14 @@ impl Sector {
 }
 
 /// Measures the runout of columns whose tube vanishes.
-pub fn collapse(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
+pub fn collapse(size: &SuiteSize, console: &dyn Reporter) -> Result<ValidationCheck> {
     let (radius, degrees, aspects): (_, f64, &[f64]) = if size.quick {
         (5.0, 90.0, &[0.6, 1.2, 2.4])
     } else {
         (20.0, 30.0, &[0.5, 1.0, 1.5, 2.5, 4.0, 6.0, 9.0])
     };
     let sector = Sector { radius: radius * D, angle: degrees.to_radians() };
-    let mut check = Check::new(
+    let mut check = ValidationCheck::new(
         "column collapse",
         format!(
             "Ballast grains, d = {D} m, μ = {FRICTION}, in a tube of radius {radius} d that vanishes, {degrees}° of it between \

@@ -1,6 +1,6 @@
 //! Tamping cycle: energy balance, and influence of the solver settings.
 
-use super::check::{Check, CheckFinding, CheckVerdict, DEFAULT_DIGITS, mean_and_error};
+use super::check::{CheckFinding, CheckVerdict, DEFAULT_DIGITS, ValidationCheck, mean_and_error};
 use super::samples_progress::map_parallel;
 use super::suite_size::SuiteSize;
 use super::{check_interrupt, listed};
@@ -12,11 +12,11 @@ use ballast_report::plot::{Chart, SeriesStyle};
 use ballast_session::Reporter;
 use ballast_session::beds;
 use ballast_session::case::{self, Case, CaseOverrides};
-use ballast_session::machine::{self, Machine};
+use ballast_session::machine::{self, CycleStepper};
 use ballast_session::profile::Profile;
 use ballast_session::record::{self, Column};
 use ballast_session::recorder::compactness;
-use ballast_session::summary::{Summary, SummarySettings};
+use ballast_session::summary::{RunSummary, SummarySettings};
 use ballast_session::{Failure, Result};
 use std::path::Path;
 
@@ -68,8 +68,8 @@ fn run(
     let (model, mut state) = beds::scene_without_progress(&case, folder, console)?;
     let cycle = machine::cycle(&case, &model, &state)?;
     let setting = SummarySettings::for_case(&case, &model);
-    let mut summary = Summary::new(setting.clone());
-    let machine = Machine::new(cycle, &model);
+    let mut summary = RunSummary::new(setting.clone());
+    let machine = CycleStepper::new(cycle, &model);
     let mut workspace = Workspace::default();
     let mut watch = Profile::start();
     let zones = track::zones(&case.plan);
@@ -126,7 +126,11 @@ impl RunGroup {
 }
 
 /// Checks the energy balance of a cycle, and its results for other time steps and numbers of iterations.
-pub fn cycle(size: &SuiteSize, folder: &Path, console: &dyn Reporter) -> Result<[Check; 2]> {
+pub fn cycle(
+    size: &SuiteSize,
+    folder: &Path,
+    console: &dyn Reporter,
+) -> Result<[ValidationCheck; 2]> {
     let (text, name) = if size.quick { (SMALL, "small_cycle") } else { (FIRST, "first") };
     let case = case::parse(text.into(), name, &CaseOverrides::default(), console)?;
     let which = if size.quick {
@@ -137,7 +141,7 @@ pub fn cycle(size: &SuiteSize, folder: &Path, console: &dyn Reporter) -> Result<
     let (own_step, own_cap) = (case.plan.run.stepping.step_ns, case.plan.run.solver.max_iterations);
     let steps = [2 * own_step, own_step, own_step / 2];
     let caps = [own_cap / 4, 4 * own_cap];
-    let mut energy = Check::new(
+    let mut energy = ValidationCheck::new(
         "energy over a tamping cycle",
         format!(
             "{which}, θ = 1/2: balance error of the ledger (T-14) over the external work; largest of {} beds.",
@@ -145,7 +149,7 @@ pub fn cycle(size: &SuiteSize, folder: &Path, console: &dyn Reporter) -> Result<
         ),
         "The ledger closes for θ = 1/2 up to the gyroscopic term, which is of second order in h",
     );
-    let mut study = Check::new(
+    let mut study = ValidationCheck::new(
         "settings of a tamping cycle",
         format!(
             "The same cycle on {} beds: time steps of {} ms at {own_cap} iterations at most, and {} iterations instead at \
@@ -241,7 +245,7 @@ fn failure_as_text<T>(run: Result<T>) -> Result<Result<T, String>> {
 fn result_or_finding(
     found: &Result<CycleResult, String>,
     at: &str,
-    check: &mut Check,
+    check: &mut ValidationCheck,
 ) -> Option<CycleResult> {
     let add_finding = |why: &String| {
         check.findings.push(CheckFinding {
@@ -257,7 +261,7 @@ fn result_or_finding(
 }
 
 /// Adds the means over the beds of a group.
-fn add_means(check: &mut Check, at: &str, group: &RunGroup) {
+fn add_means(check: &mut ValidationCheck, at: &str, group: &RunGroup) {
     let mut add = |what: &str, value: f64| {
         check.findings.push(CheckFinding::informational(format!("{what}, {at}"), value, ""));
     };
@@ -268,7 +272,7 @@ fn add_means(check: &mut Check, at: &str, group: &RunGroup) {
 }
 
 /// Adds the ratios of two groups, bed by bed.
-fn compare(check: &mut Check, with: &str, own: &RunGroup, other: &RunGroup) {
+fn compare(check: &mut ValidationCheck, with: &str, own: &RunGroup, other: &RunGroup) {
     let beds = own.runs.iter().zip(&other.runs);
     let pairs: Vec<_> = beds.filter_map(|(a, b)| a.as_ref().zip(b.as_ref())).collect();
     let ratio = |of: fn(&CycleResult) -> f64| {

@@ -1,6 +1,6 @@
 //! Checks with exact answers: incline, column of boxes, arch.
 
-use super::check::{Check, CheckFinding, CheckVerdict, DEFAULT_DIGITS, exponent};
+use super::check::{CheckFinding, CheckVerdict, DEFAULT_DIGITS, ValidationCheck, exponent};
 use super::listed;
 use super::suite_size::SuiteSize;
 use super::world::{GRAVITY, World};
@@ -12,8 +12,8 @@ use ballast_session::{Reporter, Result};
 use std::f64::consts::PI;
 
 /// Checks a slab on a slope, which sticks below the angle of friction and slides with `g (sin α - μ cos α)` above.
-pub fn incline(_: &SuiteSize, _: &dyn Reporter) -> Result<Check> {
-    let mut check = Check::new(
+pub fn incline(_: &SuiteSize, _: &dyn Reporter) -> Result<ValidationCheck> {
+    let mut check = ValidationCheck::new(
         "incline",
         "A slab of 0.2 × 0.2 × 0.02 m on a slope for 0.5 s, steps of 1 ms, 1e-4 rad below the angle of friction and \
          0.05 rad above it.",
@@ -50,9 +50,9 @@ pub fn incline(_: &SuiteSize, _: &dyn Reporter) -> Result<Check> {
 }
 
 /// Counts the sweeps until the floor carries the weight of stacked boxes.
-pub fn column(size: &SuiteSize, _: &dyn Reporter) -> Result<Check> {
+pub fn column(size: &SuiteSize, _: &dyn Reporter) -> Result<ValidationCheck> {
     let counts: &[usize] = if size.quick { &[4, 8, 16, 32] } else { &[4, 8, 16, 32, 64, 128] };
-    let mut check = Check::new(
+    let mut check = ValidationCheck::new(
         "column of boxes",
         format!(
             "Columns of {} boxes without friction, one step without warm start, sequential sweeps without relaxation, until \
@@ -115,9 +115,9 @@ fn sweeps_needed(count: usize) -> Result<u32> {
 }
 
 /// Checks a semicircular arch of voussoirs, which stands if and only if it is thick enough.
-pub fn arch(size: &SuiteSize, _: &dyn Reporter) -> Result<Check> {
+pub fn arch(size: &SuiteSize, _: &dyn Reporter) -> Result<ValidationCheck> {
     const VOUSSOIRS: usize = 16;
-    let mut check = Check::new(
+    let mut check = ValidationCheck::new(
         "arch",
         format!(
             "A semicircle of {VOUSSOIRS} voussoirs on a floor, μ = 1, for 1 s; mean radius 1 m."

@@ -1,6 +1,6 @@
 //! Heaps of ballast grains: angle of repose, silo.
 
-use super::check::{Check, CheckFinding, mean_and_error};
+use super::check::{CheckFinding, ValidationCheck, mean_and_error};
 use super::samples_progress::{map_in_order, map_parallel};
 use super::suite_size::SuiteSize;
 use super::world::{D, SETTLING_SPEED, World, in_box, random, stack_loosely};
@@ -49,10 +49,10 @@ pub fn grains(
 const WALL_SPEED: f64 = 0.05;
 
 /// Measures the angle of repose of a heap behind a receding wall.
-pub fn repose(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
+pub fn repose(size: &SuiteSize, console: &dyn Reporter) -> Result<ValidationCheck> {
     let count = size.grains(120, 700);
     let frictions: &[f64] = if size.quick { &[0.2, 0.8] } else { &[0.2, 0.4, 0.6, 0.8, 1.0] };
-    let mut check = Check::new(
+    let mut check = ValidationCheck::new(
         "angle of repose",
         format!(
             "{count} ballast grains, d = {D} m, behind a wall that recedes at {WALL_SPEED} m/s until no grain touches \
@@ -174,13 +174,13 @@ fn surface_angle(world: &World, width: f64) -> f64 {
 }
 
 /// Measures the load on the floor of a narrow silo, whose walls carry most of a high fill.
-pub fn silo(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
+pub fn silo(size: &SuiteSize, console: &dyn Reporter) -> Result<ValidationCheck> {
     let across = if size.quick { 3.0 * D } else { 5.0 * D };
     let counts: &[usize] =
         // At least four layers: the load of fewer scatters.
         if size.quick { &[40, 80, 160] } else { &[100, 200, 400, 800, 1200] };
     let (friction, walls) = (0.5, 0.8);
-    let mut check = Check::new(
+    let mut check = ValidationCheck::new(
         "silo",
         format!(
             "Up to {} ballast grains, μ = {friction}, in a square silo {} d wide, walls μ = {walls}: load of the floor, \

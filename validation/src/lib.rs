@@ -14,7 +14,7 @@ mod samples_progress;
 mod suite_size;
 mod world;
 
-pub use check::{Check, CheckVerdict};
+pub use check::{CheckVerdict, ValidationCheck};
 pub use suite_size::SuiteSize;
 
 use ballast_report::plot::HtmlPage;
@@ -26,8 +26,8 @@ use serde_json::{Value, json};
 use std::path::Path;
 use std::time::Instant;
 
-/// Check without further inputs.
-type CheckFn = fn(&SuiteSize, &dyn Reporter) -> Result<Check>;
+/// ValidationCheck without further inputs.
+type CheckFn = fn(&SuiteSize, &dyn Reporter) -> Result<ValidationCheck>;
 
 /// Checks that need no folders, by name.
 const CHECKS: [(&str, CheckFn); 7] = [
@@ -63,7 +63,7 @@ pub fn check_inputs(only: &[String], samples: Option<&Path>) -> Result {
 pub struct ValidationReport {
     size: SuiteSize,
     /// Checks that have been run.
-    pub checks: Vec<Check>,
+    pub checks: Vec<ValidationCheck>,
     /// True if all requested checks are in it.
     complete: bool,
 }
@@ -82,7 +82,7 @@ pub fn checks(
     console: &dyn Reporter,
     mut on_check: impl FnMut(&ValidationReport) -> Result,
 ) -> Result<ValidationReport> {
-    type CheckTask<'a> = Box<dyn Fn() -> Result<Vec<Check>> + 'a>;
+    type CheckTask<'a> = Box<dyn Fn() -> Result<Vec<ValidationCheck>> + 'a>;
     let size = &size;
     let mut all: Vec<(&str, CheckTask)> = Vec::new();
     for (name, check) in CHECKS {
@@ -102,7 +102,10 @@ pub fn checks(
     Ok(report)
 }
 
-fn timed(console: &dyn Reporter, work: impl FnOnce() -> Result<Vec<Check>>) -> Result<Vec<Check>> {
+fn timed(
+    console: &dyn Reporter,
+    work: impl FnOnce() -> Result<Vec<ValidationCheck>>,
+) -> Result<Vec<ValidationCheck>> {
     let start = Instant::now();
     let mut found = work()?;
     // Checks of one run share its time.
@@ -139,7 +142,7 @@ fn listed<T: ToString>(items: &[T]) -> String {
 }
 
 /// Returns the findings of a check as a table.
-pub fn table(check: &Check) -> TextTable {
+pub fn table(check: &ValidationCheck) -> TextTable {
     let mut table = TextTable::new(&check.name, ["measured", "expected", "tolerance", "verdict"]);
     for finding in &check.findings {
         table.row([
@@ -165,7 +168,7 @@ impl ValidationReport {
             "program": concat!("ballast ", env!("CARGO_PKG_VERSION")),
             "quick": self.size.quick, "complete": self.complete,
             "passed": self.count(CheckVerdict::Passed), "failed": self.count(CheckVerdict::Failed),
-            "checks": self.checks.iter().map(Check::json).collect::<Vec<_>>(),
+            "checks": self.checks.iter().map(ValidationCheck::json).collect::<Vec<_>>(),
         })
     }
 

@@ -2,7 +2,7 @@
 //!
 //! Both final states are measured by a step of Ballast from that state, solved to 1e-4.
 
-use super::check::{Check, CheckFinding};
+use super::check::{CheckFinding, ValidationCheck};
 use super::world::World;
 use ballast::observe;
 use ballast_report::plot::{Chart, SeriesStyle};
@@ -63,8 +63,8 @@ fn measure(mut world: World) -> Result<SampleMeasurement> {
 }
 
 /// Compares both programs; `folder` contains `loose500.json` and `settled500.json`.
-pub fn compare(folder: &Path) -> Result<Check> {
-    let mut check = Check::new(
+pub fn compare(folder: &Path) -> Result<ValidationCheck> {
+    let mut check = ValidationCheck::new(
         "comparison with LMGC90",
         format!(
             "The sample loose500 settled in {STEPS} steps of 1 ms with {SWEEPS} sweeps, alert distance 2 mm, by both programs."

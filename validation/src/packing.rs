@@ -1,6 +1,6 @@
 //! Random packings of the five Platonic solids.
 
-use super::check::{Check, CheckFinding};
+use super::check::{CheckFinding, ValidationCheck};
 use super::samples_progress::map_parallel;
 use super::suite_size::SuiteSize;
 use super::world::{D, GRAVITY, World, in_box, random, stack_loosely};
@@ -46,7 +46,7 @@ struct PackingSample {
 
 /// Solid fractions of a packing.
 #[derive(Clone, Copy)]
-struct Packing {
+struct PackingDensity {
     /// Solid fraction away from walls, floor and surface.
     middle: f64,
     /// Solid fraction from wall to wall, above the floor.
@@ -56,7 +56,7 @@ struct Packing {
 }
 
 /// Measures the solid fraction of dice that sink from a fluidised bed in a box, away from walls, floor and surface.
-pub fn packing(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
+pub fn packing(size: &SuiteSize, console: &dyn Reporter) -> Result<ValidationCheck> {
     let sample = if size.quick {
         PackingSample {
             count: 250,
@@ -85,7 +85,7 @@ pub fn packing(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
         pack(number, fillet, seed, &sample)
     })?;
     let (filleted, sharp) = packed.split_at(PLATONIC_SOLIDS.len() * sample.seeds as usize);
-    let all: Vec<&[Packing]> = filleted.chunks(sample.seeds as usize).collect();
+    let all: Vec<&[PackingDensity]> = filleted.chunks(sample.seeds as usize).collect();
     let mut measured = Vec::new();
     let mut published = Vec::new();
     for (k, ((name, expected), found)) in PLATONIC_SOLIDS.iter().zip(&all).enumerate() {
@@ -127,10 +127,10 @@ pub fn packing(size: &SuiteSize, console: &dyn Reporter) -> Result<Check> {
 }
 
 /// Creates the check with its description.
-fn describe(sample: &PackingSample) -> Check {
+fn describe(sample: &PackingSample) -> ValidationCheck {
     let PackingSample { count, width, margin, seeds, .. } = sample;
     let of = if *seeds == 1 { "one seed".to_string() } else { format!("mean of {seeds} seeds") };
-    let mut check = Check::new(
+    let mut check = ValidationCheck::new(
         "random packings of Platonic solids",
         format!(
             "{count} dice each in a box {width} d wide, in random orientation, sink from a fluidised bed of solid fraction \
@@ -149,12 +149,12 @@ fn describe(sample: &PackingSample) -> Check {
     check
 }
 
-fn mean(found: &[Packing], of: impl Fn(&Packing) -> f64) -> f64 {
+fn mean(found: &[PackingDensity], of: impl Fn(&PackingDensity) -> f64) -> f64 {
     found.iter().map(of).sum::<f64>() / found.len() as f64
 }
 
 /// Returns the largest minus the smallest fraction.
-fn spread(found: &[Packing]) -> f64 {
+fn spread(found: &[PackingDensity]) -> f64 {
     let (low, high) = (found.iter().map(|p| p.middle))
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), f| (low.min(f), high.max(f)));
     high - low
@@ -214,7 +214,7 @@ fn filleted(sharp: &Polyhedron, radius: f64) -> Result<Polyhedron> {
 }
 
 /// Packs one of the solids, with fillets of a radius over d.
-fn pack(number: usize, fillet: f64, seed: u64, sample: &PackingSample) -> Result<Packing> {
+fn pack(number: usize, fillet: f64, seed: u64, sample: &PackingSample) -> Result<PackingDensity> {
     let sharp = solid(number)?;
     let die = if fillet > 0.0 { filleted(&sharp, fillet * D)? } else { sharp };
     let (count, edge) = (sample.count, sample.width * D);
@@ -243,7 +243,7 @@ fn pack(number: usize, fillet: f64, seed: u64, sample: &PackingSample) -> Result
     };
     let margin = sample.margin * D;
     let overlap = observe::penetration(&world.model, &world.workspace).mean;
-    Ok(Packing { middle: fraction(margin, margin)?, whole: fraction(0.0, 0.0)?, overlap })
+    Ok(PackingDensity { middle: fraction(margin, margin)?, whole: fraction(0.0, 0.0)?, overlap })
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ use ballast::step::{Phase, StepObserver, StepReport};
 use ballast::track::{TampingCycle, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_mcap::verify::Keeper as _;
-use ballast_session::machine::Machine;
+use ballast_session::machine::CycleStepper;
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -31,7 +31,7 @@ enum Source {
         model: Box<Model>,
         state: Box<State>,
         workspace: Box<Workspace>,
-        machine: Box<Machine>,
+        machine: Box<CycleStepper>,
     },
     Recording {
         component: Box<Component>,
@@ -52,7 +52,7 @@ pub struct Stepped {
 impl Engine {
     /// The case's machine at `state`.
     pub fn machine(model: Model, state: State, cycle: TampingCycle) -> Self {
-        let machine = Box::new(Machine::new(cycle, &model));
+        let machine = Box::new(CycleStepper::new(cycle, &model));
         let (model, state, workspace) = (Box::new(model), Box::new(state), Box::default());
         Self { source: Source::Machine { model, state, workspace, machine } }
     }

@@ -1,4 +1,4 @@
-//! Ctrl-C: the first one asks the command to stop, a run within its step, once its bed is there; another one aborts.
+//! Ctrl-C: the first signal requests a stop, also within a step; a later one aborts.
 
 use crate::console::write_err;
 use ballast_session::interrupt;
@@ -6,23 +6,23 @@ pub use ballast_session::interrupt::{flow, requested};
 use ballast_session::{Failure, Result};
 use std::time::Duration;
 
-/// Who stops a group of processes sends a signal more than once, within an instant: that is one request.
-const ONE_REQUEST: Duration = Duration::from_secs(1);
+/// Time within which several signals count as one request, as those to a group of processes.
+const SIGNAL_BURST: Duration = Duration::from_secs(1);
 
-/// Exit code of a command that was not left the time to stop.
+/// Exit code of an aborted command.
 const ABORTED: i32 = 1;
 
-/// Takes over SIGINT, SIGTERM and SIGHUP, so that queues and closed terminals stop a run cleanly too.
+/// Handles SIGINT, SIGTERM and SIGHUP, so that batch systems and closed terminals stop a run cleanly, too.
 pub fn install() -> Result {
-    install_saying("stopping")
+    install_with_message("stopping")
 }
 
-/// The same, for a command that says what it does when it is asked to stop.
-pub fn install_saying(what: &'static str) -> Result {
+/// Handles the signals, with a message about what the command does on a request to stop.
+pub fn install_with_message(message: &'static str) -> Result {
     ctrlc::set_handler(move || match interrupt::request() {
-        None => write_err(&format!("\n{what} (Ctrl-C again after a second aborts at once)")),
-        Some(since) if since >= ONE_REQUEST => std::process::exit(ABORTED),
+        None => write_err(&format!("\n{message} (Ctrl-C again after a second aborts at once)")),
+        Some(since) if since >= SIGNAL_BURST => std::process::exit(ABORTED),
         Some(_) => {}
     })
-    .map_err(|e| Failure::Failed(format!("cannot listen to Ctrl-C: {e}")))
+    .map_err(|e| Failure::Failed(format!("cannot handle Ctrl-C: {e}")))
 }

@@ -1,7 +1,8 @@
 //! Progress of a task: a bar on a terminal, otherwise a line per tenth or an event per hundredth, at least one in half a
 //! minute.
 
-use crate::console::Console;
+use crate::console::{Console, write_out};
+use ballast_session::Reporter;
 use ballast_session::table::duration;
 pub use ballast_session::{ProgressLabel as Mark, ProgressMeter};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -12,6 +13,8 @@ use std::time::{Duration, Instant};
 const BAR_STEPS: u64 = 1000;
 /// Maximum time between two messages without a bar.
 const MAX_SILENCE: Duration = Duration::from_secs(30);
+
+pub use ConsoleProgress as Progress;
 
 /// Display of the progress of a task, as a bar, messages or events.
 #[derive(Debug)]
@@ -120,6 +123,32 @@ impl ProgressMeter for ConsoleProgress {
     }
 }
 
+impl Reporter for Console {
+    fn note(&self, text: &str) {
+        Console::note(self, text);
+    }
+
+    fn warning(&self, text: &str) {
+        Console::warning(self, text);
+    }
+
+    fn event(&self, name: &str, fields: Value) {
+        Console::event(self, name, fields);
+    }
+
+    fn result(&self, text: &str) {
+        Console::result(self, text);
+    }
+
+    fn line(&self, text: &str) {
+        write_out(text);
+    }
+
+    fn start_progress(&self, task: &str) -> Box<dyn ProgressMeter> {
+        Box::new(Progress::start(*self, task))
+    }
+}
+
 /// Returns the number of whole parts in a fraction of a task.
 fn whole(fraction: f64, parts: u64) -> u64 {
     // A fraction that should be exactly k/parts may be a rounding error below it.
@@ -141,5 +170,3 @@ mod tests {
         assert_eq!(whole(7.0, 10), 10);
     }
 }
-
-pub use ConsoleProgress as Progress;

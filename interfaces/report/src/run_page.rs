@@ -6,7 +6,7 @@
 use crate::charts;
 use crate::maps::CompactnessGrid;
 use crate::plot::{Chart, HtmlPage, Legend, SeriesStyle};
-use crate::section::BedSection;
+use crate::section::SectionPicture;
 use crate::source::ReportSource;
 use crate::squeezes::squeezes;
 use ballast::math::{Pose, Vec3};
@@ -133,7 +133,7 @@ fn pictures(source: &ReportSource, page: &mut HtmlPage) {
     let legend =
         Legend { low: 0.0, high, label: "displacement of the grain, start to end (mm)".into() };
     let bed = &source.case.plan.bed;
-    let section = BedSection {
+    let section = SectionPicture {
         model: &source.model,
         y: plane(source),
         low: [0.0, 0.0],

@@ -30,7 +30,7 @@ pub fn cut(body: &Polyhedron, pose: &Pose, y: f64) -> Vec<[f64; 2]> {
 }
 
 /// Section of the bed, with shaded grains.
-pub struct BedSection<'a> {
+pub struct SectionPicture<'a> {
     pub model: &'a Model,
     /// Position of the plane, m.
     pub y: f64,
@@ -43,7 +43,7 @@ pub struct BedSection<'a> {
     pub legend: &'a Legend,
 }
 
-impl BedSection<'_> {
+impl SectionPicture<'_> {
     /// Draws the bodies at `poses` `[nb]`.
     pub fn picture(&self, title: &str, poses: &[Pose]) -> String {
         let mut outlines = Vec::new();

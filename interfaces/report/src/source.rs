@@ -9,10 +9,10 @@ use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_hdf5::results::{Reader, Table};
 use ballast_session::Reporter;
 use ballast_session::case::{self, Case, CaseOverrides};
-use ballast_session::files::RunFiles;
 use ballast_session::record::{Column, StepRow};
 use ballast_session::recorder::{self, STEPS, TOGETHER, ZONES};
-use ballast_session::summary::{Summary, SummarySettings};
+use ballast_session::run_files::RunFiles;
+use ballast_session::summary::{RunSummary, SummarySettings};
 use ballast_session::{Failure, Result};
 use serde_json::Value;
 use std::path::Path;
@@ -36,8 +36,8 @@ pub struct ReportSource {
     pub zones: Vec<Vec<f64>>,
     /// Frames up to the checkpoint.
     pub frames: Vec<ReportFrame>,
-    /// Summary up to the checkpoint.
-    pub summary: Summary,
+    /// RunSummary up to the checkpoint.
+    pub summary: RunSummary,
     /// Program that wrote the results.
     pub program: String,
     /// Key of the bed.
@@ -90,7 +90,7 @@ impl ReportSource {
         if let Some(what) = recorder::of_another_run(&reader, &steps, &case, &stored.state)? {
             return Err(Failure::at(&results, format!("{what}; {TOGETHER}")));
         }
-        let mut summary = Summary::new(SummarySettings::for_case(&case, &stored.model));
+        let mut summary = RunSummary::new(SummarySettings::for_case(&case, &stored.model));
         recorder::check_tables(&results, &case, &stored.model, &steps, &zones)?;
         let (model, state) = (&stored.model, &stored.state);
         let done = summary.take_tables(&steps, &zones, state.step) as usize;

@@ -2,12 +2,12 @@
 
 use crate::Reporter;
 use crate::files::{FileKind, file_kind, read_case, start_of};
+pub use crate::run_files::{RUN_ID, is_served};
 use crate::{Failure, Result};
 use ballast::component::{Component, Limits};
 use ballast::model::Model;
 use ballast::state::State;
 pub use ballast_beds::Case;
-use ballast_hdf5::checkpoint::Checkpoint;
 use ballast_mcap::recording::Windows;
 pub use ballast_scenario::CaseOverrides;
 use ballast_scenario::MAX_CASE_BYTES;
@@ -16,14 +16,6 @@ use std::sync::Arc;
 
 /// Maximum number of characters of a line in messages.
 const MAX_SHOWN_CHARACTERS: usize = 100;
-
-/// Key of the note in a checkpoint with the run of a served component.
-pub const RUN_ID: &str = "run_id";
-
-/// Returns true if the checkpoint belongs to a served run.
-pub fn is_served(kept: &Checkpoint) -> bool {
-    kept.extra.contains_key(RUN_ID)
-}
 
 /// Reads a case file and reports its warnings.
 ///

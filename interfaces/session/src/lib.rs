@@ -14,6 +14,7 @@ pub mod quantities;
 pub mod record;
 pub mod recorder;
 mod reporter;
+pub mod run_files;
 pub mod statistics;
 pub mod summary;
 pub mod summary_text;

@@ -1,4 +1,4 @@
-//! The tamping machine of a case, which moves the bodies of a model step by step.
+//! Stepping of a model whose bodies follow the tamping cycle of a case.
 
 use crate::Result;
 use crate::case::{self, Case};
@@ -11,19 +11,23 @@ use ballast::step::{StepReport, step};
 use ballast::track::TampingCycle;
 use ballast::workspace::Workspace;
 
-/// The machine of a case.
-pub struct Machine {
+/// Steps a model along a tamping cycle.
+pub struct CycleStepper {
+    /// Cycle of the case.
     pub cycle: TampingCycle,
     speed_limit: SpeedLimit,
 }
 
-impl Machine {
-    /// The machine that moves the bodies of `model`.
+impl CycleStepper {
+    /// Creates a stepper for the bodies of `model`.
     pub fn new(cycle: TampingCycle, model: &Model) -> Self {
         Self { cycle, speed_limit: SpeedLimit::new(model) }
     }
 
-    /// A step with the bodies where the machine wants them, and where that was `[nd]`.
+    /// Takes a step; returns its report and the prescribed poses `[nd]`.
+    ///
+    /// # Errors
+    /// A step that fails or is interrupted.
     pub fn step(
         &self,
         model: &Model,
@@ -45,7 +49,10 @@ impl Machine {
     }
 }
 
-/// The case's cycle, and whether the state belongs to it.
+/// Returns the cycle of a case.
+///
+/// # Errors
+/// A case without a cycle for this model, or a state of another cycle.
 pub fn cycle(case: &Case, model: &Model, state: &State) -> Result<TampingCycle> {
     let cycle = TampingCycle::new(&case.plan, model).map_err(|e| case::invalid(case, e))?;
     cycle.check_memory(&state.drive).map_err(|e| case::invalid(case, e))?;

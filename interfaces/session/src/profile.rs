@@ -14,19 +14,21 @@ use std::time::{Duration, Instant};
 
 /// Wall and CPU time.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Spent {
+pub struct PhaseTime {
+    /// Wall time.
     pub wall: Duration,
+    /// CPU time of all threads.
     pub cpu: Duration,
 }
 
-impl AddAssign for Spent {
+impl AddAssign for PhaseTime {
     fn add_assign(&mut self, other: Self) {
         self.wall += other.wall;
         self.cpu += other.cpu;
     }
 }
 
-impl Sum for Spent {
+impl Sum for PhaseTime {
     fn sum<I: Iterator<Item = Self>>(all: I) -> Self {
         let mut sum = Self::default();
         all.for_each(|spent| sum += spent);
@@ -37,8 +39,8 @@ impl Sum for Spent {
 /// Time per phase of the step, and of what the program does between steps.
 #[derive(Debug)]
 pub struct Profile {
-    phases: [Spent; Phase::ALL.len()],
-    output: Spent,
+    phases: [PhaseTime; Phase::ALL.len()],
+    output: PhaseTime,
     mark: Instant,
     cpu_mark: Duration,
 }
@@ -48,7 +50,7 @@ impl Profile {
     pub fn start() -> Self {
         Self {
             phases: Default::default(),
-            output: Spent::default(),
+            output: PhaseTime::default(),
             mark: Instant::now(),
             cpu_mark: cpu_time(),
         }
@@ -60,16 +62,16 @@ impl Profile {
         self.output += spent;
     }
 
-    fn since_mark(&mut self) -> Spent {
+    fn since_mark(&mut self) -> PhaseTime {
         let (now, cpu) = (Instant::now(), cpu_time());
-        let spent = Spent { wall: now - self.mark, cpu: cpu.saturating_sub(self.cpu_mark) };
+        let spent = PhaseTime { wall: now - self.mark, cpu: cpu.saturating_sub(self.cpu_mark) };
         self.mark = now;
         self.cpu_mark = cpu;
         spent
     }
 
     /// Name and time of each phase in the order of the step, then of the output between steps.
-    pub fn lines(&self) -> impl Iterator<Item = (&'static str, Spent)> + '_ {
+    pub fn lines(&self) -> impl Iterator<Item = (&'static str, PhaseTime)> + '_ {
         Phase::ALL
             .iter()
             .zip(&self.phases)
@@ -78,12 +80,12 @@ impl Profile {
     }
 
     /// Time of one phase.
-    pub fn of(&self, phase: Phase) -> Spent {
+    pub fn of(&self, phase: Phase) -> PhaseTime {
         self.phases[phase as usize]
     }
 
     /// Time of all phases, without the output between steps.
-    pub fn steps(&self) -> Spent {
+    pub fn steps(&self) -> PhaseTime {
         self.phases.iter().copied().sum()
     }
 

@@ -2,9 +2,9 @@
 //! and the figures of the summary.
 
 use crate::case::Case;
-use crate::files::RunFiles;
 use crate::record::{self, TrackedBody};
-use crate::summary::{Summary, SummarySettings, Targets};
+use crate::run_files::RunFiles;
+use crate::summary::{RunSummary, SummarySettings, Targets};
 use crate::{Failure, Result};
 use ballast::model::Model;
 use ballast::observe::{self, Zone};
@@ -34,7 +34,7 @@ pub struct Recorder {
     results: Background,
     /// Whether the case asks for geometry.
     frames: bool,
-    summary: Summary,
+    summary: RunSummary,
 }
 
 impl Recorder {
@@ -78,7 +78,7 @@ impl Recorder {
     fn open(writer: Writer, case: &Case, model: &Model) -> Result<Self> {
         let zones = track::zones(&case.plan);
         let tracked = record::tracked(model);
-        let summary = Summary::new(SummarySettings::for_case(case, model));
+        let summary = RunSummary::new(SummarySettings::for_case(case, model));
         let mut results = Background::new(writer, WAITING);
         declare(&mut results, STEPS, &record::columns(&tracked))?;
         declare(&mut results, ZONES, &zone_columns(&zones))?;
@@ -127,11 +127,13 @@ impl Recorder {
         Ok(self.results.secure()?)
     }
 
+    /// Zones of the case.
     pub fn zones(&self) -> &[Zone] {
         &self.zones
     }
 
-    pub fn summary(&self) -> &Summary {
+    /// Summary of the steps so far.
+    pub fn summary(&self) -> &RunSummary {
         &self.summary
     }
 }

@@ -1,4 +1,4 @@
-//! Summary of a whole run, computed from the rows of its tables.
+//! RunSummary of a whole run, computed from the rows of its tables.
 //!
 //! The only inputs are rows and the last state. A resumed run reads the earlier rows back and therefore ends with the
 //! figures of a run without interruption.
@@ -40,9 +40,9 @@ pub struct Targets {
     pub direction: f64,
 }
 
-/// Summary of a run up to the last row taken.
+/// RunSummary of a run up to the last row taken.
 #[derive(Debug, Clone, Default)]
-pub struct Summary {
+pub struct RunSummary {
     settings: SummarySettings,
     /// Number of steps.
     pub steps: u64,
@@ -102,7 +102,7 @@ pub struct TimedValue {
     pub phase: TampingPhase,
 }
 
-/// Summary of a tine or sleeper: forces, work, lowest position.
+/// RunSummary of a tine or sleeper: forces, work, lowest position.
 #[derive(Debug, Clone)]
 pub struct BodySummary {
     /// Largest force of one step, N.
@@ -178,7 +178,7 @@ fn larger(most: Option<f64>, value: f64) -> Option<f64> {
     Some(most.map_or(value, |most| most.max(value)))
 }
 
-impl Summary {
+impl RunSummary {
     /// Creates an empty summary for a run from its beginning.
     pub fn new(settings: SummarySettings) -> Self {
         let body = BodySummary {
@@ -436,108 +436,5 @@ fn timed(row: &StepRow, value: f64) -> TimedValue {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::record::columns;
-
-    fn settings() -> SummarySettings {
-        let tine = TrackedBody { name: "left".into(), role: Role::Tine, driven: 0 };
-        SummarySettings {
-            tracked: vec![tine],
-            zones: vec!["under".into()],
-            period: 2,
-            grain_size: 0.02,
-            has_tolerance: true,
-            targets: vec![Some(Targets { depth_z: 0.65, closing: 0.03, direction: -1.0 })],
-        }
-    }
-
-    fn step(time: f64, phase: f64, coordination: f64, force: f64, converged: bool) -> StepRow {
-        let names = columns(&settings().tracked);
-        let mut row = StepRow(vec![0.0; names.len()]);
-        let mut set = |name: &str, value: f64| {
-            row.0[names.iter().position(|n| n.0 == name).unwrap()] = value;
-        };
-        set("time", time);
-        set("phase", phase);
-        set("coordination", coordination);
-        set("points_per_grain", 1.5 * coordination);
-        set("rattlers", 10.0 * time);
-        set("converged", f64::from(u8::from(converged)));
-        set("max_penetration", 0.001 * time);
-        set("dissipated", 4.0 - time.min(2.0));
-        set("left_force_x", force);
-        set("left_work", 2.0);
-        set("left_z", 1.0 - 0.1 * time);
-        set("left_x", 0.5 - 0.01 * time);
-        row
-    }
-
-    #[test]
-    fn figures_of_a_short_cycle() {
-        let mut summary = Summary::new(settings());
-        summary.take_step(&step(1.0, 2.0, 6.0, 900.0, true));
-        summary.take_step(&step(2.0, 3.0, 4.5, -300.0, false));
-        summary.take_step(&step(3.0, 3.0, 5.0, 500.0, true));
-        for value in [0.58, 0.60, 0.61] {
-            summary.take_zones(&[value]);
-        }
-        let json = summary.json();
-        assert_eq!(json["coordination"]["start"], 6.0);
-        assert_eq!(json["coordination"]["minimum"]["value"], 4.5);
-        assert_eq!(json["coordination"]["minimum"]["phase"], "squeeze");
-        assert_eq!(json["coordination"]["end"], 5.0);
-        assert_eq!(json["coordination"]["points_per_grain"], 7.5);
-        assert_eq!(json["coordination"]["rattlers"], 30.0);
-        let tine = &json["tines"]["left"];
-        assert_eq!(tine["peak_force_N"]["value"], 900.0);
-        assert_eq!(tine["peak_period_averaged_force_N"], 300.0);
-        assert_eq!(tine["squeeze"]["mean_force_magnitude_N"], 400.0);
-        assert_eq!(tine["squeeze"]["mean_force_vector_norm_N"], 100.0);
-        assert_eq!(tine["squeeze"]["peak_force_N"], 500.0);
-        // The period with the last step of the insertion in it counts for the whole run only.
-        assert_eq!(tine["squeeze"]["peak_period_averaged_force_N"], 100.0);
-        assert!(tine["insertion"]["peak_period_averaged_force_N"].is_null());
-        assert_eq!(tine["work_J"], 6.0);
-        assert_eq!(tine["insertion"]["mean_force_magnitude_N"], 900.0);
-        assert_eq!(tine["min_z_m"], 1.0 - 0.1 * 3.0);
-        // Two steps of the squeeze since the last one before it.
-        assert!((tine["max_closing_m"].as_f64().unwrap() - 0.02).abs() < 1e-12);
-        assert_eq!(
-            (&tine["target_closing_m"], &tine["target_depth_z_m"]),
-            (&json!(0.03), &json!(0.65))
-        );
-        assert_eq!(json["compactness"]["under"]["before"], 0.58);
-        assert_eq!(json["compactness"]["under"]["after"], 0.61);
-        assert_eq!(json["relative_penetration"]["max"], 0.15);
-        assert_eq!(json["solver"]["steps_not_converged"], 1);
-        assert_eq!(json["energy_J"]["dissipated"], 2.0);
-        assert_eq!(json["energy_J"]["spurious_contact_energy"], 1.0);
-        assert_eq!((&json["time_s"], &json["from_step"]), (&json!(3.0), &json!(0)));
-        summary.take_step(&step(4.0, 5.0, 5.0, 0.0, true));
-        assert!((summary.closing_shortfalls()[0] - 0.01).abs() < 1e-12);
-    }
-
-    #[test]
-    fn figures_without_a_target_are_null() {
-        let mut summary = Summary::new(SummarySettings { has_tolerance: false, ..settings() });
-        summary.take_step(&step(1.0, 2.0, 6.0, 900.0, true));
-        assert!(summary.json()["solver"]["steps_not_converged"].is_null());
-        assert!(summary.depth_shortfalls().is_empty(), "the tine still moves");
-        summary.take_step(&step(3.0, 5.0, 6.0, 0.0, true));
-        assert!((summary.depth_shortfalls()[0] - 0.05).abs() < 1e-12);
-        assert!(summary.closing_shortfalls().is_empty(), "there was no squeeze");
-        // A partner has targets for one.
-        summary.take_step(&step(4.0, 5.0, 6.0, 0.0, false));
-        assert_eq!(summary.json()["solver"]["steps_not_converged"], 1);
-    }
-
-    #[test]
-    fn an_empty_run_has_a_summary_too() {
-        let json = Summary::new(settings()).json();
-        assert_eq!((&json["steps"], &json["time_s"]), (&json!(0), &json!(0.0)));
-        assert!(json["solver"]["residual_qm16"]["max"].is_null());
-        assert!(json["relative_penetration"]["mean"].is_null());
-        assert!(json["coordination"].is_null());
-    }
-}
+#[path = "summary_tests.rs"]
+mod tests;

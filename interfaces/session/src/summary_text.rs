@@ -1,10 +1,10 @@
-//! Summary of a run as text.
+//! RunSummary of a run as text.
 
-use crate::files::RunFiles;
 use crate::profile::Profile;
 use crate::quantities::Quantity as Q;
 use crate::record::Column;
-use crate::summary::{BodySummary, Summary, TimedValue};
+use crate::run_files::RunFiles;
+use crate::summary::{BodySummary, RunSummary, TimedValue};
 use crate::table::{TextTable, duration, figure};
 use ballast::model::Role;
 use std::path::Path;
@@ -15,7 +15,7 @@ pub const NO_TOLERANCE: &str = "no tolerance set";
 const TARGET_TOLERANCE_M: f64 = 1e-3;
 
 /// Returns the summary as a text of several tables.
-pub fn text(summary: &Summary) -> String {
+pub fn text(summary: &RunSummary) -> String {
     let tables = tables(summary);
     let sections: Vec<String> =
         tables.iter().map(TextTable::text).filter(|text| !text.is_empty()).collect();
@@ -23,7 +23,7 @@ pub fn text(summary: &Summary) -> String {
 }
 
 /// Returns the tables of the summary; tables without figures are empty.
-pub fn tables(summary: &Summary) -> [TextTable; 6] {
+pub fn tables(summary: &RunSummary) -> [TextTable; 6] {
     [
         compactness(summary),
         coordination(summary),
@@ -34,7 +34,7 @@ pub fn tables(summary: &Summary) -> [TextTable; 6] {
     ]
 }
 
-fn compactness(summary: &Summary) -> TextTable {
+fn compactness(summary: &RunSummary) -> TextTable {
     let mut table = TextTable::new(Q::Compactness.label(), ["before", "after", "change"]);
     for (name, [before, after]) in summary.settings().zones.iter().zip(&summary.compactness) {
         let change = change(*before, *after);
@@ -55,7 +55,7 @@ pub fn change(before: f64, after: f64) -> String {
     }
 }
 
-fn coordination(summary: &Summary) -> TextTable {
+fn coordination(summary: &RunSummary) -> TextTable {
     let mut table = TextTable::new("coordination", [Q::Coordination.label(), "at (s)", "phase"]);
     if let Some(moments) = &summary.coordination {
         for (label, TimedValue { value, time, phase }) in
@@ -72,7 +72,7 @@ fn coordination(summary: &Summary) -> TextTable {
     table
 }
 
-fn forces(summary: &Summary, role: Role, title: &str) -> TextTable {
+fn forces(summary: &RunSummary, role: Role, title: &str) -> TextTable {
     let mut table = TextTable::new(
         title,
         [
@@ -108,7 +108,7 @@ fn forces(summary: &Summary, role: Role, title: &str) -> TextTable {
     table
 }
 
-fn energy(summary: &Summary) -> TextTable {
+fn energy(summary: &RunSummary) -> TextTable {
     let mut table = TextTable::new("energy of the grains", ["J"]);
     if let Some(last) = summary.last() {
         for (quantity, column) in [
@@ -126,7 +126,7 @@ fn energy(summary: &Summary) -> TextTable {
     table
 }
 
-fn quality(summary: &Summary) -> TextTable {
+fn quality(summary: &RunSummary) -> TextTable {
     let mut table = TextTable::new("quality", ["mean", "max"]);
     if summary.steps == 0 {
         return table;

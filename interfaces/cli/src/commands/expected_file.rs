@@ -1,6 +1,7 @@
 //! Files of Ballast that a command expects.
 
-use crate::files::{FileKind, RunFiles, file_kind, start_of};
+use crate::files::{FileKind, file_kind, start_of};
+use ballast_session::run_files::RunFiles;
 use ballast_session::{Failure, Result};
 use std::path::{Path, PathBuf};
 

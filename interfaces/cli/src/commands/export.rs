@@ -3,9 +3,9 @@
 use super::expected_file::ExpectedFile;
 use crate::args::ExportArgs;
 use crate::console::Console;
-use crate::files::RunFiles;
 use ballast_hdf5::Error;
 use ballast_session::Result;
+use ballast_session::run_files::RunFiles;
 use serde_json::json;
 
 pub fn export(args: ExportArgs, console: Console) -> Result {

@@ -4,7 +4,7 @@ use crate::args::{ReplayArgs, TimeName};
 use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
 use crate::engine::Engine;
-use crate::files::{RunFiles, expect_different};
+use crate::files::expect_different;
 use crate::playback::Playback;
 use crate::session::{self, Session};
 use crate::{beds, body_overlap, interrupt, machine, start};
@@ -13,6 +13,7 @@ use ballast::state::State;
 use ballast::track::TampingCycle;
 use ballast_mcap::motion::{self, Motion, TimeOf};
 use ballast_mcap::recording::{self, Windows};
+use ballast_session::run_files::RunFiles;
 use ballast_session::{Failure, Result};
 use std::path::Path;
 

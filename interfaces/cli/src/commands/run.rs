@@ -5,10 +5,10 @@ use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::dump::Dump;
 use crate::engine::Engine;
-use crate::files::RunFiles;
 use crate::session::Session;
 use crate::{beds, interrupt, machine};
 use ballast_session::Result;
+use ballast_session::run_files::RunFiles;
 use std::path::Path;
 
 pub fn run(args: RunArgs, console: Console) -> Result {

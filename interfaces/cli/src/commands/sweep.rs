@@ -3,11 +3,12 @@
 use crate::args::SweepArgs;
 use crate::case::{self, CaseOverrides};
 use crate::console::Console;
-use crate::files::{RunFiles, create_folder, csv_text, read_case, read_text, replace_text};
+use crate::files::{create_folder, csv_text, read_case, read_text, replace_text};
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_scenario::MAX_CASE_BYTES;
 use ballast_scenario::sweep::{SweepPlan, SweepPoint, apply_point};
+use ballast_session::run_files::RunFiles;
 use ballast_session::{Failure, Result};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;

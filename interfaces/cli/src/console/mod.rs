@@ -1,7 +1,6 @@
 //! Output of the program: results on standard output, messages on standard error, events as JSON lines.
 
-use crate::progress::Progress;
-use ballast_session::{Failure, ProgressMeter, Reporter};
+use ballast_session::Failure;
 use serde_json::{Value, json};
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -65,32 +64,6 @@ impl Console {
     /// Returns true if standard error is a terminal.
     pub fn is_terminal(&self) -> bool {
         std::io::stderr().is_terminal()
-    }
-}
-
-impl Reporter for Console {
-    fn note(&self, text: &str) {
-        Console::note(self, text);
-    }
-
-    fn warning(&self, text: &str) {
-        Console::warning(self, text);
-    }
-
-    fn event(&self, name: &str, fields: Value) {
-        Console::event(self, name, fields);
-    }
-
-    fn result(&self, text: &str) {
-        Console::result(self, text);
-    }
-
-    fn line(&self, text: &str) {
-        write_out(text);
-    }
-
-    fn start_progress(&self, task: &str) -> Box<dyn ProgressMeter> {
-        Box::new(Progress::start(*self, task))
     }
 }
 

@@ -41,7 +41,7 @@ impl Told {
 
 pub fn top(args: TopArgs, console: Console) -> Outcome {
     // It computes no step that would be waited for.
-    interrupt::install_saying("stopping")?;
+    interrupt::install_with_message("stopping")?;
     let line = Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
     let told = Arc::new(Mutex::new(Told::default()));
     let to = Arc::clone(&told);

@@ -6,6 +6,7 @@ use std::fmt::Write;
 /// Horizontal bar chart of values of one unit.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BarChart {
+    /// Title.
     pub title: String,
     /// Name, value, and text behind the bar.
     pub bars: Vec<(String, f64, String)>,

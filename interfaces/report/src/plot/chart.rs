@@ -7,6 +7,7 @@ use std::fmt::Write;
 /// Style of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SeriesStyle {
+    /// Solid line.
     Line,
     /// Steps: each value holds until the next point.
     Steps,
@@ -29,11 +30,14 @@ impl SeriesStyle {
 /// Series of a chart.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChartSeries {
+    /// Name in the legend.
     pub name: String,
+    /// Points (x, y).
     pub points: Vec<[f64; 2]>,
     /// Length of the error bar of each point, up and down; empty for none.
     pub reach: Vec<f64>,
-    pub mark: SeriesStyle,
+    /// Style.
+    pub style: SeriesStyle,
 }
 
 impl ChartSeries {
@@ -47,22 +51,32 @@ impl ChartSeries {
 /// Named interval of the horizontal axis, such as a phase.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ChartBand {
+    /// Start of the interval.
     pub from: f64,
+    /// End of the interval.
     pub to: f64,
+    /// Name above the interval.
     pub name: String,
 }
 
 /// Chart with two axes; labels include units.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Chart {
+    /// Title.
     pub title: String,
+    /// Label of the horizontal axis.
     pub x: String,
+    /// Label of the vertical axis.
     pub y: String,
+    /// True for a logarithmic horizontal axis.
     pub log_x: bool,
+    /// True for a logarithmic vertical axis.
     pub log_y: bool,
     /// True if the vertical axis starts at zero.
     pub starting_at_zero: bool,
+    /// Series.
     pub series: Vec<ChartSeries>,
+    /// Bands of the horizontal axis.
     pub bands: Vec<ChartBand>,
     /// Names along the horizontal axis at 0, 1, 2, ... instead of numbers.
     pub names: Vec<String>,
@@ -126,8 +140,8 @@ impl Chart {
     }
 
     /// Adds a series.
-    pub fn with(mut self, name: &str, points: Vec<[f64; 2]>, mark: SeriesStyle) -> Self {
-        self.series.push(ChartSeries { name: name.into(), points, reach: vec![], mark });
+    pub fn with(mut self, name: &str, points: Vec<[f64; 2]>, style: SeriesStyle) -> Self {
+        self.series.push(ChartSeries { name: name.into(), points, reach: vec![], style });
         self
     }
 
@@ -135,7 +149,7 @@ impl Chart {
     pub fn with_error_bars(mut self, name: &str, bars: &[[f64; 3]]) -> Self {
         let points = bars.iter().map(|b| [b[0], b[1]]).collect();
         let reach = bars.iter().map(|b| b[2]).collect();
-        self.series.push(ChartSeries { name: name.into(), points, reach, mark: SeriesStyle::Dots });
+        self.series.push(ChartSeries { name: name.into(), points, reach, style: SeriesStyle::Dots });
         self
     }
 
@@ -262,8 +276,8 @@ impl Chart {
             }
             let y = 15.0 + LINE_HEIGHT * lines;
             let (left, middle, colour) = (px(x), px(y - 4.0), k % page::COLOUR_COUNT);
-            let dash = if series.mark.is_dashed() { " dash" } else { "" };
-            let _ = match series.mark {
+            let dash = if series.style.is_dashed() { " dash" } else { "" };
+            let _ = match series.style {
                 SeriesStyle::Dots => {
                     dot(&px(x + 8.0), &middle, k, out);
                     Ok(())
@@ -304,7 +318,7 @@ fn dot(x: &str, y: &str, number: usize, out: &mut String) {
 
 fn draw(series: &ChartSeries, number: usize, x: &AxisScale, y: &AxisScale, out: &mut String) {
     let colour = number % page::COLOUR_COUNT;
-    let dash = if series.mark.is_dashed() { " dash" } else { "" };
+    let dash = if series.style.is_dashed() { " dash" } else { "" };
     for ([a, b], reach) in series.points.iter().zip(&series.reach) {
         let ends = [b - reach, b + reach].map(|end| y.place(end).map(up));
         let (Some(a), [Some(low), Some(high)]) = (x.place(*a).map(across), ends) else { continue };
@@ -324,14 +338,14 @@ fn draw(series: &ChartSeries, number: usize, x: &AxisScale, y: &AxisScale, out: 
             continue;
         };
         let (a, b) = (px(across(a.clamp(-0.01, 1.01))), px(up(b.clamp(-0.01, 1.01))));
-        let _ = match (pen_down, series.mark) {
+        let _ = match (pen_down, series.style) {
             (_, SeriesStyle::Dots) => Ok(()),
             (false, _) => write!(path, "M{a} {b}"),
             (true, SeriesStyle::Steps) => write!(path, "H{a}V{b}"),
             (true, _) => write!(path, "L{a} {b}"),
         };
         pen_down = true;
-        if matches!(series.mark, SeriesStyle::Points | SeriesStyle::Dots) {
+        if matches!(series.style, SeriesStyle::Points | SeriesStyle::Dots) {
             dot(&a, &b, number, out);
         }
     }

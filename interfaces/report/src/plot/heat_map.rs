@@ -7,9 +7,11 @@ use std::fmt::Write;
 /// Heat map of values on a grid, row by row from below.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeatMap {
+    /// Title.
     pub title: String,
-    /// Edges of the cells along both directions, m.
+    /// Edges of the cells along x, m.
     pub x: Vec<f64>,
+    /// Edges of the cells along z, m.
     pub z: Vec<f64>,
     /// Values `[rows * columns]`; 0: empty, NaN: no accessible volume.
     pub values: Vec<f64>,

@@ -10,7 +10,9 @@ pub const SHADES: usize = 8;
 /// Legend of shades in equal steps between two values.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Legend {
+    /// Lower bound.
     pub low: f64,
+    /// Upper bound.
     pub high: f64,
     /// Quantity with its unit.
     pub label: String,

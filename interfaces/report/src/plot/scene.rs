@@ -19,12 +19,15 @@ pub struct Outline {
 /// Drawing of outlines in a box of the plane.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OutlineDrawing {
+    /// Title.
     pub title: String,
     /// Description for screen readers.
     pub description: String,
-    /// Lower left and upper right corner, m.
+    /// Lower left corner, m.
     pub low: [f64; 2],
+    /// Upper right corner, m.
     pub high: [f64; 2],
+    /// Outlines, the last ones on top.
     pub outlines: Vec<Outline>,
 }
 
