@@ -49,6 +49,7 @@ docs: setup
 	cargo test --release --locked -p ballast-scenario --lib reference
 	cargo test --release --locked -p ballast-tidy reference
 	cargo test --release --locked -p ballast-cli --bin ballast reference
+	cargo test --release --locked -p ballast-cli --test program reference
 	python3 bindings/python/tests/test_reference.py
 
 book:
