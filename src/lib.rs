@@ -15,6 +15,8 @@ pub mod lanes;
 pub mod geometry;
 
 pub mod model;
+pub mod window_memory;
+
 pub mod state;
 
 pub mod drive;

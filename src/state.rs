@@ -1,10 +1,12 @@
-//! Everything needed to resume a run bit for bit, and nothing else.
+//! State of a simulation: everything needed to resume it bit for bit, and nothing else.
 //!
 //! Checkpoints, snapshots and `redo` are all this one thing.
 
 use crate::error::{Error, Result};
 use crate::math::{Pose, Quat, Vec3, is_unit};
 use crate::model::Model;
+use crate::window_memory::{Twist, WindowMemory};
+use std::sync::Arc;
 
 /// The state at the end of a step. Body arrays are numbered as in [`crate::model`].
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -21,16 +23,49 @@ pub struct State {
     pub velocity: Vec<Vec3>,
     /// Angular velocity, world axes `[nb]`, rad/s.
     pub angular_velocity: Vec<Vec3>,
-    /// Contacts of the last step with their impulses: where the next solve starts from.
+    /// Contacts of the last step with their impulses, from which the next solve starts.
     pub contacts: ContactMemory,
-    /// Where the mounts of mounted bodies are `[nm]`.
+    /// Poses of the mounts of mounted bodies `[nm]`.
     pub mount: Vec<Pose>,
-    /// Memory of the drive (for example how far each tine pair has closed) `[drive's own]`.
-    pub drive: Vec<f64>,
+    /// Memory of the component between windows; not part of the state's hash.
+    pub window: Arc<WindowMemory>,
+    /// State of the driver that moves the driven bodies; not part of the state's hash.
+    pub driver: Arc<DriverState>,
     pub energy: EnergyLedger,
 }
 
-/// What the next step's warm start needs from this step's contacts, sorted by bodies.
+/// State of a driver in its encoding; the default is that of no driver.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct DriverState {
+    /// Name of the encoding; empty: none.
+    pub kind: String,
+    /// Version of the encoding.
+    pub version: u32,
+    /// Encoded values.
+    pub values: Vec<f64>,
+}
+
+impl DriverState {
+    /// Returns the values of an encoding; `None` if no driver has left any.
+    ///
+    /// # Errors
+    /// [`Error::State`] for values of another encoding.
+    pub fn values_of(&self, kind: &str, version: u32) -> Result<Option<&[f64]>> {
+        if self.kind.is_empty() {
+            return Ok(None);
+        }
+        if (&self.kind[..], self.version) == (kind, version) {
+            return Ok(Some(&self.values));
+        }
+        Err(Error::State {
+            place: "driver state".into(),
+            expected: format!("{kind} {version}, or none"),
+            found: format!("{} {}", self.kind, self.version),
+        })
+    }
+}
+
+/// Contacts of a step for the warm start of the next one, sorted by bodies.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ContactMemory {
     /// Candidate and antagonist `[nc]`.
@@ -61,7 +96,7 @@ pub struct EnergyLedger {
 }
 
 impl EnergyLedger {
-    /// What the ledger cannot account for, J: zero for an exact integrator.
+    /// Returns the energy that the ledger cannot account for, J: zero for an exact integrator.
     pub fn balance_error(&self) -> f64 {
         (self.kinetic + self.potential)
             - (self.initial_kinetic + self.initial_potential)
@@ -81,9 +116,20 @@ impl State {
         (model.grains.len()..model.body_count()).map(|b| self.pose(b)).collect()
     }
 
-    /// Pose that was last imposed on driven body `d`, or on its mount.
+    /// Returns the pose that was last imposed on driven body `d`, or on its mount.
     pub fn imposed(&self, model: &Model, d: usize) -> Pose {
         self.mount.get(d).copied().unwrap_or_else(|| self.pose(model.grains.len() + d))
+    }
+
+    /// Twist with which the last window left driven body `d`, or its mount; the next cubic motion has to begin with it.
+    ///
+    /// `None`, any twist, after a held or linear motion, and where no window led to this state.
+    pub fn end_twist(&self, d: usize) -> Option<Twist> {
+        match &self.window.twists[..] {
+            // Before the first step everything is at rest.
+            [] => (self.step == 0).then(Twist::default),
+            twists => twists.get(d).copied().flatten(),
+        }
     }
 
     /// Appends a body at rest.
@@ -137,9 +183,10 @@ impl State {
             let expected = format!("{mounted} finite poses, one per mounted body");
             return refuse("mounts".into(), expected, format!("{:?}", self.mount));
         }
-        if let Some(i) = self.drive.iter().position(|x| !x.is_finite()) {
-            let expected = "finite numbers".into();
-            return refuse("drive".into(), expected, format!("{:?} in row {i}", self.drive[i]));
+        self.window.check(model.driven.len())?;
+        if let Some(i) = self.driver.values.iter().position(|x| !x.is_finite()) {
+            let found = format!("{:?} in row {i}", self.driver.values[i]);
+            return refuse("driver state".into(), "finite numbers".into(), found);
         }
         let e = &self.energy;
         let energy = [
@@ -163,7 +210,7 @@ impl State {
 }
 
 impl ContactMemory {
-    /// Gives driven bodies other numbers.
+    /// Renumbers driven bodies.
     pub(crate) fn renumber(&mut self, number: impl Fn(usize) -> usize) {
         for [_, antagonist] in &mut self.bodies {
             *antagonist = number(*antagonist as usize) as u32;

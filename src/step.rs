@@ -20,9 +20,10 @@ use crate::state::{EnergyLedger, State};
 use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
-/// More threads than a step has work for, whatever its size: callers refuse to start more. Thousands of them on a few
-/// processors wait for each other for minutes.
+/// Maximum number of threads: more than a step has work for. Thousands of threads on a few processors wait for each other
+/// for minutes.
 pub const MAX_THREADS: usize = 1024;
 
 /// Advances `state` by one time step.
@@ -45,8 +46,8 @@ pub fn step(
     report
 }
 
-/// The step from `state` to `next`. What `next` was before is not read; its memory is used, so that
-/// a state that others hold need not be copied to go on from it.
+/// Computes the step from `state` to `next`. The content of `next` is not read, but its memory is used, so that a shared
+/// state need not be copied.
 ///
 /// # Errors
 /// [`Error::Input`] for inputs that do not fit, [`Error::State`] for a state that is not finite, [`Error::Step`] when a
@@ -75,7 +76,7 @@ pub fn advance(
             let mut solver = model.solver;
             match look {
                 RecheckReason::RangeTooSmall => detect(model, state, ws, observer),
-                // It goes on from what is solved, to which little is added.
+                // Starts from the solved impulses, to which little is added.
                 RecheckReason::EndOfStepPenetration => {
                     solver.max_iterations = solver.max_iterations.div_ceil(2)
                 }
@@ -93,7 +94,7 @@ pub fn advance(
     })
 }
 
-/// Finds the contacts that are within reach, and what their impulses begin with.
+/// Finds the contacts within the detection range, and their initial impulses.
 fn detect(model: &Model, state: &State, ws: &mut Workspace, observer: &mut impl StepObserver) {
     ws.detection_range.mark_searched();
     ws.detector.broad_phase(model, &ws.motion, &ws.detection_range);
@@ -106,7 +107,7 @@ fn detect(model: &Model, state: &State, ws: &mut Workspace, observer: &mut impl 
     observer.phase_finished(Phase::WarmStart);
 }
 
-/// The step with these contacts, from these impulses.
+/// Solves the step with the detected contacts, from the initial impulses.
 fn solve(
     model: &Model,
     state: &State,
@@ -143,7 +144,7 @@ fn solve(
     Ok(report)
 }
 
-/// Distributes grains and contacts as the schedule asks for.
+/// Distributes grains and contacts over subdomains according to the schedule.
 fn divide(model: &Model, ws: &mut Workspace) {
     let mobile = model.mobile_count();
     let partition = ws.decomposition.partition_mut();
@@ -243,7 +244,7 @@ fn recover(
     Ok(())
 }
 
-/// Moves the bodies, keeps the energy ledger, and tells what the step did.
+/// Moves the bodies, updates the energy ledger, and reports the step.
 fn integrate_and_report(
     model: &Model,
     state: &State,
@@ -272,7 +273,8 @@ fn integrate_and_report(
         dissipated: ledger.dissipated + balance.dissipated,
         ..ledger
     };
-    next.drive.clone_from(&state.drive);
+    next.window = Arc::clone(&state.window);
+    next.driver = Arc::clone(&state.driver);
     next.step = state.step + 1;
     next.time_ns = state.time_ns + model.stepping.step_ns;
 
@@ -389,7 +391,7 @@ where
     }
 }
 
-/// What a step did. Not converging is told here, not as an error.
+/// Report of a step. A step that did not converge is reported here, not as an error.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StepReport {
     /// Contact points, and how many of them carry an impulse.
@@ -403,21 +405,21 @@ pub struct StepReport {
     pub iterations: u32,
     pub visits: u64,
     pub residuals: Residuals,
-    /// Whether the tolerance was reached, or none was asked for.
+    /// True if the tolerance was reached, or there is none.
     pub converged: bool,
-    /// Whether asynchronous iterations diverged and were repeated by the synchronous schedule.
+    /// True if asynchronous iterations diverged and were repeated by the synchronous schedule.
     pub sync_fallback: bool,
-    /// How often the step was done: once, and again for each time that something was overlooked (T-35, T-36).
+    /// Number of solves: one, and one more for each recheck that found missed contacts (T-35, T-36).
     pub solve_passes: u32,
     /// Mean (over penetrating points) and largest penetration, m.
     pub mean_penetration: f64,
     pub max_penetration: f64,
-    /// What the ballast did to each driven body `[nd]`.
+    /// Reaction of the ballast on each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
 }
 
 impl StepReport {
-    /// The last attempt's, with what the ones before have cost.
+    /// Returns the report of the last solve, with the costs of the solves before it.
     fn after(self, before: Self) -> Self {
         Self {
             solve_passes: self.solve_passes + before.solve_passes,

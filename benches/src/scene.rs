@@ -1,22 +1,24 @@
 //! Subject of a measurement: a case at its beginning or at a checkpoint of a run, or a neutral sample.
 
 use super::args::StartArgs;
-use ballast::drive::StepInputs;
+use ballast::drive::{SpeedLimit, StepInputs};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::step::{StepReport, step};
+use ballast::track::TampingCycle;
 use ballast::track::plan::Plan;
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Kind};
 use ballast_scenario::sample::Sample;
 use ballast_session::beds;
 use ballast_session::case::{self, Case, CaseOverrides};
+use ballast_session::driver::tamping_driver;
 use ballast_session::files::read_sample;
-use ballast_session::machine::{self, CycleStepper};
 use ballast_session::profile::Profile;
 use ballast_session::{Failure, Reporter, Result};
 use std::path::Path;
+use std::sync::Arc;
 
 /// Model, initial state and driver of a measurement.
 pub struct BenchScene {
@@ -31,7 +33,7 @@ pub struct BenchScene {
 /// Source of the motion of the driven bodies.
 pub enum SceneDriver {
     /// Tamping cycle of the case.
-    Cycle(Box<CycleStepper>),
+    Cycle { cycle: Box<TampingCycle>, speed_limit: SpeedLimit },
     /// Poses that the driven bodies keep `[nd]`.
     Fixed(Vec<Pose>),
 }
@@ -50,8 +52,8 @@ impl BenchScene {
         if let Some(schedule) = start.overrides.schedule {
             model.solver.schedule = schedule.into();
         }
-        let cycle = machine::cycle(&case, &model, &state)?;
-        let driver = SceneDriver::Cycle(Box::new(CycleStepper::new(cycle, &model)));
+        let cycle = Box::new(tamping_driver(&case, &model, &state)?.cycle().clone());
+        let driver = SceneDriver::Cycle { cycle, speed_limit: SpeedLimit::new(&model) };
         Ok(Self { name: case.plan.name.clone(), model, state, driver, steps: case.steps() })
     }
 
@@ -88,9 +90,10 @@ impl BenchScene {
     pub fn targets(&self) -> Vec<Pose> {
         match &self.driver {
             SceneDriver::Fixed(poses) => poses.clone(),
-            SceneDriver::Cycle(machine) => {
+            SceneDriver::Cycle { cycle, .. } => {
                 let mut targets = Vec::new();
-                machine.cycle.targets(&self.model, &self.state, &mut targets);
+                let tamping = cycle.decode(&self.state.driver).unwrap_or_default();
+                cycle.targets(&self.model, &self.state, &tamping, &mut targets);
                 targets
             }
         }
@@ -107,7 +110,17 @@ impl SceneDriver {
         watch: &mut Profile,
     ) -> Result<StepReport> {
         match self {
-            SceneDriver::Cycle(machine) => Ok(machine.step(model, state, workspace, watch)?.0),
+            SceneDriver::Cycle { cycle, speed_limit } => {
+                let mut tamping = cycle.decode(&state.driver)?;
+                let mut targets = Vec::new();
+                cycle.targets(model, state, &tamping, &mut targets);
+                let speed_limit = Some(speed_limit);
+                let inputs = StepInputs { speed_limit, ..StepInputs::from_targets(&targets) };
+                let report = step(model, state, &inputs, workspace, watch)?;
+                cycle.observe(model, &report, state, &mut tamping);
+                state.driver = Arc::new(cycle.encode(&tamping));
+                Ok(report)
+            }
             SceneDriver::Fixed(poses) => {
                 let inputs = StepInputs::from_targets(poses);
                 Ok(step(model, state, &inputs, workspace, watch)?)

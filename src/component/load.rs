@@ -13,7 +13,7 @@ pub struct LoadKnot {
 /// A load through time: linear between knots, or held from each knot on.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LoadWaveform {
-    /// Whether a knot's load lasts to the next one.
+    /// True if a knot's load holds until the next knot.
     pub is_held: bool,
     /// In order of time.
     pub knots: Vec<LoadKnot>,
@@ -37,7 +37,7 @@ impl LoadWaveform {
         }
     }
 
-    /// Refuses what is no load through the whole window.
+    /// Refuses a waveform that does not define a load through the whole window.
     pub(super) fn check(&self, body: &str, t0_ns: u64, t1_ns: u64) -> Result<(), Refusal> {
         let (Some(first), Some(last)) = (self.knots.first(), self.knots.last()) else {
             return Err(Refusal::input(body, "at least one knot of its load", "none"));

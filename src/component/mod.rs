@@ -1,58 +1,64 @@
 //! The stepping component: windows of time, inputs as waveforms, redo, save and restore.
 //!
 //! Reads: a model, a state, inputs of each window. Writes: the state, a [`WindowResult`] per window.
-//! Contract: a window is a function. Same state, same inputs: same outcome, bit for bit; how a stretch
-//! of time is cut into windows changes nothing. A refused window leaves the state as it was.
+//! Contract: same state and same inputs give the same result, bit for bit; the length of windows changes nothing. A
+//! refused window leaves the state unchanged.
 //!
-//! Every face of the program (library, network, recordings, Python) is to drive this one thing.
+//! Program, network, recordings and Python all advance this component.
 
+mod driver;
 mod load;
-mod memory;
 mod parameters;
 mod refusal;
 mod result;
+mod session;
 mod state_pool;
+mod tamping_driver;
 mod waveform;
 mod window;
 
+use driver::DrivenObserver;
+pub use driver::{DrivenWindow, Driver, FunctionDriver};
 pub use load::{LoadKnot, LoadWaveform};
-pub use memory::{ReactionHistory, is_remembered, left_twist, remembered};
 pub use parameters::Parameters;
 pub use refusal::Refusal;
-pub use result::{
-    BodyResult, SolverResult, WindowEnd, WindowResult, WindowStatus, ZoneResult, measure,
-};
+pub use result::{BodyResult, SolverResult, WindowResult, WindowStatus, ZoneResult, measure_zones};
+pub use session::Session;
+pub use tamping_driver::TampingDriver;
 pub use waveform::{Interpolation, Knot, MAX_KNOT_ROTATION, Twist, Waveform};
-pub use window::{LoadInput, MotionInput, WindowInputsRef};
+pub use window::{LoadInput, MotionInput, WindowInputs, WindowInputsRef};
 
 pub use crate::cancel::StopReason;
 use crate::contact_recheck::penetration_beyond;
 use crate::drive::{SpeedLimit, StepInputs};
 use crate::error::{Cause, Error};
 use crate::model::Model;
-use crate::observe::{SqueezeRule, Zone};
+use crate::observe::{SqueezeMeter, SqueezeRule, Zone};
 use crate::state::State;
 pub use crate::step::{StepCallback, StepObserver};
 use crate::step::{StepReport, advance};
+use crate::window_memory::WindowMemory;
 use crate::workspace::Workspace;
-use memory::WindowMemory;
-use result::ResultAccumulator;
+use result::{ResultAccumulator, WindowEnd};
 use state_pool::StatePool;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use window::WindowPlan;
 
-/// What a component accepts.
+/// Duration over which reactions are averaged, ns: within half a vibration a single force says little, a longer mean lags.
+const MOVING_AVERAGE_NS: u64 = 4_000_000;
+
+/// Limits of what a component accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// How far apart two windows may be where they join: m, rad, m/s, rad/s.
+    /// Maximum jumps between two windows: m, rad, m/s, rad/s.
     pub join_distance: f64,
     pub join_angle: f64,
     pub join_speed: f64,
     pub join_angular_velocity: f64,
-    /// How deep a sound step may press bodies into each other, m, beyond what it finds; infinite: any.
+    /// Maximum penetration that a step may add, m; infinite: no limit.
     pub penetration: f64,
-    /// Whether what was computed is kept when a window cannot be computed to its end; else it is taken back.
+    /// True if the steps of a window that fails are kept; otherwise the window is discarded.
     pub keep_partial_window: bool,
 }
 
@@ -69,14 +75,14 @@ impl Default for Limits {
     }
 }
 
-/// A model that is stepped in windows.
+/// Model that is advanced in windows: the only thing that calls a step.
 #[derive(Debug)]
 pub struct Component {
     model: Arc<Model>,
     limits: Limits,
     zones: Arc<[Zone]>,
     squeezes: Arc<SqueezeRule>,
-    /// Steps go on in another one: whoever was given a state keeps what it was, and nobody pays for a copy.
+    /// Shared and never written to: a step writes into another state, so that saved states need no copy.
     state: Arc<State>,
     /// The beginning of the last window, and its end, ns.
     last: Option<(Arc<State>, u64)>,
@@ -86,10 +92,10 @@ pub struct Component {
 }
 
 impl Component {
-    /// A component at `state`.
+    /// Builds a component at `state`.
     ///
     /// # Errors
-    /// A model or a state that cannot be stepped.
+    /// A model or a state that cannot be advanced.
     pub fn new(
         model: Arc<Model>,
         state: impl Into<Arc<State>>,
@@ -112,13 +118,13 @@ impl Component {
         })
     }
 
-    /// The same, measuring `zones` at the end of each window.
+    /// Returns the component with `zones`, which are measured at the end of each window.
     pub fn with_zones(mut self, zones: Vec<Zone>) -> Self {
         self.zones = zones.into();
         self
     }
 
-    /// The same, following the squeezes of the pairs of `rule`. What is known of them is part of the state.
+    /// Returns the component with a squeeze rule, whose tine pairs are followed through their squeezes.
     pub fn with_squeezes(mut self, rule: SqueezeRule) -> Self {
         self.squeezes = Arc::new(rule);
         self
@@ -132,7 +138,7 @@ impl Component {
         &self.limits
     }
 
-    /// The model, shared: it stays what it is when parameters change.
+    /// Returns the model, shared: changed parameters make another model.
     pub fn shared_model(&self) -> Arc<Model> {
         Arc::clone(&self.model)
     }
@@ -141,22 +147,22 @@ impl Component {
         &self.state
     }
 
-    /// Contacts of the last step that was computed, with gaps and normals; the state may be another since.
+    /// Returns the buffers of the last computed step, with contacts, gaps and normals; the state may have changed since.
     pub fn workspace(&self) -> &Workspace {
         &self.workspace
     }
 
-    /// With which twist the next cubic motion of driven body `d`, or of its mount, has to begin: see [`left_twist`].
+    /// Returns the twist with which the next cubic motion of driven body `d` has to begin, see [`State::end_twist`].
     pub fn twist(&self, d: usize) -> Option<Twist> {
-        left_twist(&self.state, d)
+        self.state.end_twist(d)
     }
 
-    /// Simulated time, ns.
+    /// Returns the simulated time, ns.
     pub fn now_ns(&self) -> u64 {
         self.state.time_ns
     }
 
-    /// Beginning and end of the last window as they were asked for, ns: what [`Component::redo`] computes again.
+    /// Returns the requested beginning and end of the last window, ns, which [`Component::redo`] computes again.
     pub fn last_window(&self) -> Option<[u64; 2]> {
         self.last.as_ref().map(|(before, t1)| [before.time_ns, *t1])
     }
@@ -164,8 +170,7 @@ impl Component {
     /// Advances to `t1_ns`.
     ///
     /// # Errors
-    /// What is wrong with the request; the state is as before. What goes wrong while computing is told
-    /// by the outcome's status.
+    /// A refused request; the state is unchanged. A failed step is no error of the call, but the error of the result.
     pub fn advance_to<'a>(
         &mut self,
         t1_ns: u64,
@@ -174,7 +179,7 @@ impl Component {
         self.advance_observed(t1_ns, inputs, &mut ())
     }
 
-    /// The same under the eyes of `watch`, which may end the window.
+    /// Advances to `t1_ns` with an observer that may end the window.
     ///
     /// # Errors
     /// As for [`Component::advance_to`]; [`Refusal::Cancelled`].
@@ -185,17 +190,22 @@ impl Component {
         observer: &mut impl StepObserver,
     ) -> Result<WindowResult, Refusal> {
         let (model, limits) = (Arc::clone(&self.model), self.limits);
-        let (steps, mut memory, plan) = self.planned(t1_ns, &inputs.into())?;
+        let (steps, plan) = self.planned(t1_ns, &inputs.into())?;
         let before = Arc::clone(&self.state);
         let mut account = ResultAccumulator::new(&model, before.time_ns);
+        let mut reactions = before.window.reactions.clone();
+        let mut squeezes =
+            SqueezeMeter::resume(Arc::clone(&self.squeezes), &before.window.squeezes);
+        let averaged_steps = (MOVING_AVERAGE_NS / model.stepping.step_ns).max(1) as usize;
         let mut failure = None;
         let mut stopped = None;
         for _ in 0..steps {
             match self.one_step(&plan, observer) {
                 Ok(report) => {
                     account.take(&report, &self.state, model.stepping.h());
-                    memory.recent.take(&report.reactions, model.stepping.step_ns);
-                    memory.squeezes.take(&model, &self.state, &report);
+                    let impulses = report.reactions.iter().map(|r| [r.impulse, r.angular_impulse]);
+                    reactions.push(impulses, averaged_steps);
+                    squeezes.take(&model, &self.state, &report);
                     if let ControlFlow::Break(stop) = observer.step_finished(&self.state, &report) {
                         // What is complete is not early.
                         let is_over = self.now_ns() == t1_ns && stop == StopReason::Early;
@@ -232,10 +242,13 @@ impl Component {
         if status == WindowStatus::Discard {
             self.state = Arc::clone(&before);
             account = ResultAccumulator::new(&model, self.now_ns());
-            memory = WindowMemory::read(&self.state, model.driven.len(), &self.squeezes);
-        } else {
-            memory.twist = plan.twists(self.now_ns());
-            memory.write(&mut Arc::make_mut(&mut self.state).drive);
+            squeezes = SqueezeMeter::resume(Arc::clone(&self.squeezes), &before.window.squeezes);
+        }
+        let squeeze_results = squeezes.tell();
+        if status != WindowStatus::Discard {
+            let twists = plan.twists(self.now_ns());
+            let window = WindowMemory { twists, reactions, squeezes: squeezes.into_tracks() };
+            Arc::make_mut(&mut self.state).window = Arc::new(window);
         }
         if let Some((old, _)) = self.last.replace((before, t1_ns)) {
             self.state_pool.keep(old);
@@ -243,16 +256,41 @@ impl Component {
         let end = WindowEnd {
             model: &model,
             state: &self.state,
-            // What was taken back is nothing to measure.
+            // A discarded window has nothing to measure.
             zones: if status == WindowStatus::Discard { &[] } else { &self.zones },
-            recent: &memory.recent,
-            squeezes: memory.squeezes.tell(),
+            squeezes: squeeze_results,
             speed_limit: &self.speed_limit,
         };
         Ok(account.close(status, failure, end))
     }
 
-    /// Whether a window up to `t1_ns` would be begun; nothing is computed, and nothing changes.
+    /// Advances to `t1_ns` with the inputs of `driver`, whose state becomes part of the component's state.
+    ///
+    /// Returns `None`, without a change, where the driver has no inputs for the window.
+    ///
+    /// # Errors
+    /// Errors of the driver, and those of [`Component::advance_observed`].
+    pub fn advance_driven<D: Driver>(
+        &mut self,
+        t1_ns: u64,
+        driver: &mut D,
+        observer: &mut impl StepObserver,
+    ) -> Result<Option<DrivenWindow>, D::Error> {
+        driver.restore(&self.state.driver)?;
+        let Some(inputs) = driver.inputs(self, t1_ns)? else { return Ok(None) };
+        if let Some(parameters) = driver.parameters() {
+            self.set_parameters(&parameters)?;
+        }
+        let model = Arc::clone(&self.model);
+        let mut driven = DrivenObserver { model: &model, driver: &mut *driver, observer };
+        let result = self.advance_observed(t1_ns, &inputs, &mut driven)?;
+        if result.status != WindowStatus::Discard {
+            Arc::make_mut(&mut self.state).driver = Arc::new(driver.save());
+        }
+        Ok(Some(DrivenWindow { inputs, result }))
+    }
+
+    /// Checks that a window up to `t1_ns` would be accepted, without computing it.
     ///
     /// # Errors
     /// As for [`Component::advance_to`], and a body that is led too far in the first step.
@@ -261,27 +299,26 @@ impl Component {
         t1_ns: u64,
         inputs: impl Into<WindowInputsRef<'a>>,
     ) -> Result<(), Refusal> {
-        let (_, _, plan) = self.planned(t1_ns, &inputs.into())?;
+        let (_, plan) = self.planned(t1_ns, &inputs.into())?;
         let (model, state) = (&self.model, &self.state);
         Ok(self.speed_limit.check(model, state, &plan.targets(model, state))?)
     }
 
-    /// The steps of a window, what is remembered at its beginning, and its inputs, checked.
+    /// Returns the number of steps of a window and its checked inputs.
     fn planned<'a>(
         &self,
         t1_ns: u64,
         window: &WindowInputsRef<'a>,
-    ) -> Result<(u64, WindowMemory, WindowPlan<'a>), Refusal> {
+    ) -> Result<(u64, WindowPlan<'a>), Refusal> {
         let (steps, model) = (self.steps_to(t1_ns)?, &self.model);
-        let memory = WindowMemory::read(&self.state, model.driven.len(), &self.squeezes);
-        let plan = WindowPlan::check(model, &self.state, &memory, &self.limits, t1_ns, window)?;
-        Ok((steps, memory, plan))
+        let plan = WindowPlan::check(model, &self.state, &self.limits, t1_ns, window)?;
+        Ok((steps, plan))
     }
 
-    /// Computes the last window again from its beginning, with other inputs; also one that was discarded.
+    /// Computes the last window again from its beginning with other inputs, even if it was discarded.
     ///
     /// # Errors
-    /// There is no window to redo, or as for [`Component::advance_to`]; the state is as before.
+    /// No window to redo, or as for [`Component::advance_to`]; the state is unchanged.
     pub fn redo<'a>(
         &mut self,
         inputs: impl Into<WindowInputsRef<'a>>,
@@ -289,7 +326,7 @@ impl Component {
         self.redo_observed(inputs, &mut ())
     }
 
-    /// The same; `watch` as in [`Component::advance_observed`].
+    /// Computes the last window again with an observer that may end it.
     ///
     /// # Errors
     /// As for [`Component::redo`]; [`Refusal::Cancelled`].
@@ -308,16 +345,15 @@ impl Component {
         result
     }
 
-    /// Everything that the next window depends on: what [`Component::restore`] needs to go on from here.
-    /// It is shared, not copied; the component goes on in another.
+    /// Returns the state, which is everything that the next window depends on. It is shared, not copied.
     pub fn save(&self) -> Arc<State> {
         Arc::clone(&self.state)
     }
 
-    /// Goes back, or on, to a state of the same model.
+    /// Sets the state, which has to be one of the same model.
     ///
     /// # Errors
-    /// A state that does not fit the model; the component is as before.
+    /// A state that does not fit the model; the component is unchanged.
     pub fn restore(&mut self, state: impl Into<Arc<State>>) -> Result<(), Refusal> {
         let state = state.into();
         state.check(&self.model)?;
@@ -326,7 +362,7 @@ impl Component {
         Ok(())
     }
 
-    /// The same after a panic: buffers that it may have left half written are left behind.
+    /// Sets the state after a panic, and drops buffers that may be half written.
     ///
     /// # Errors
     /// As for [`Component::restore`].
@@ -335,7 +371,7 @@ impl Component {
         self.restore(state)
     }
 
-    /// Another component that goes on from here on its own.
+    /// Returns an independent component at the same state.
     pub fn fork(&self) -> Self {
         Self {
             model: Arc::clone(&self.model),
@@ -350,7 +386,7 @@ impl Component {
         }
     }
 
-    /// Number of steps to a time on the grid.
+    /// Returns the number of steps to a time on the grid of steps.
     fn steps_to(&self, t1_ns: u64) -> Result<u64, Refusal> {
         let (now, step) = (self.now_ns(), self.model.stepping.step_ns);
         let ahead = t1_ns.saturating_sub(now);
@@ -367,8 +403,8 @@ impl Component {
         })
     }
 
-    /// Refuses a step that presses bodies into each other deeper than allowed. What it has found so deep is no fault of
-    /// it: no window could be computed any more.
+    /// Refuses a step that adds more penetration than allowed. Penetration that was there before is accepted, since no
+    /// window could be computed otherwise.
     fn expect_shallow(&self) -> Result<(), Error> {
         let limit = self.limits.penetration;
         if limit.is_infinite() {
@@ -387,7 +423,7 @@ impl Component {
         })
     }
 
-    /// One step along the waveforms.
+    /// Computes one step along the waveforms.
     fn one_step(
         &mut self,
         plan: &WindowPlan,

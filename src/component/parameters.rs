@@ -1,24 +1,23 @@
-//! What may change between windows without another model: how hard a step is solved, and what it may leave.
+//! Parameters that may change between windows: effort of the solver and limit of the penetration.
 
 use super::{Component, Refusal};
 use crate::error::Error;
 use crate::model::Model;
 use std::sync::Arc;
 
-/// The parameters of a component that its caller may set. Those of the solver are part of the model, and so of its
-/// fingerprint.
+/// Parameters of a component that its caller may set. Those of the solver are part of the model and of its hash.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Parameters {
     /// Largest number of iterations per step.
     pub iterations: u32,
     /// `None`: all iterations.
     pub tolerance: Option<f64>,
-    /// How deep a sound step may press bodies into each other, m, beyond what it finds; infinite: any.
+    /// Maximum penetration that a step may add, m; infinite: no limit.
     pub penetration: f64,
 }
 
 impl Parameters {
-    /// Whether two models differ in nothing but what parameters set.
+    /// Returns true if two models differ in these parameters at most.
     pub fn are_only_difference(a: &Model, b: &Model) -> bool {
         let mut like_b = a.clone();
         like_b.solver.max_iterations = b.solver.max_iterations;
@@ -28,7 +27,7 @@ impl Parameters {
 }
 
 impl Component {
-    /// The parameters of the next window.
+    /// Returns the parameters of the next window.
     pub fn parameters(&self) -> Parameters {
         let solver = &self.model.solver;
         Parameters {
@@ -38,7 +37,7 @@ impl Component {
         }
     }
 
-    /// Sets them for all windows from now on, and for a redo of the last one.
+    /// Sets the parameters of all later windows, and of a redo of the last one.
     ///
     /// # Errors
     /// Numbers that cannot be used; nothing is changed.

@@ -1,8 +1,8 @@
-//! Why a request was not computed.
+//! Reasons for which a request is refused.
 
 use crate::error::Error;
 
-/// A request that was refused; nothing has changed.
+/// Refused request; nothing has changed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum Refusal {
     /// The end of the window is not a later time on the grid of steps.
@@ -13,10 +13,10 @@ pub enum Refusal {
         nearest_ns[1]
     )]
     Time { now_ns: u64, step_ns: u64, nearest_ns: [u64; 2], found_ns: u64 },
-    /// Nothing is known of a body at some time of the window.
+    /// The input of a body does not cover the window.
     #[error("input of {body:?}: expected {expected}, found {found}")]
     Gap { body: String, expected: String, found: String },
-    /// The window does not join the one before.
+    /// The input does not continue the window before.
     #[error("input of {body:?}: expected {expected}, found {found}")]
     Jump { body: String, expected: String, found: String },
     /// The input cannot be used.
@@ -37,7 +37,7 @@ pub enum Refusal {
 }
 
 impl Refusal {
-    /// The code of the refusal in messages.
+    /// Returns the code of the refusal in messages.
     pub fn code(&self) -> &'static str {
         match self {
             Refusal::Time { .. } => "time_grid",

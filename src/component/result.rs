@@ -1,6 +1,5 @@
-//! What a window did, summed over its steps.
+//! Result of a window, summed over its steps.
 
-use super::memory::ReactionHistory;
 use crate::drive::SpeedLimit;
 use crate::error::Error;
 use crate::geometry::AxisBox;
@@ -10,21 +9,21 @@ use crate::observe::{self, SqueezeOutcome, Zone};
 use crate::state::{EnergyLedger, State};
 use crate::step::StepReport;
 
-/// How a window went.
+/// Status of a computed window, as in FMI.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum WindowStatus {
-    /// Computed to its end, every step solved; without a tolerance that is not asked.
+    /// Computed to its end, and every step converged if there is a tolerance.
     Ok,
-    /// Computed to its end; some step stopped at the cap of iterations.
+    /// Computed to its end, but some step reached the maximum number of iterations.
     Warn,
-    /// Ended before its end, in a valid state.
+    /// Ended before the requested time, in a valid state.
     Early,
-    /// Nothing was kept: the state is exactly that of its beginning.
+    /// Rolled back: the state is exactly that of the beginning of the window.
     Discard,
 }
 
 impl WindowStatus {
-    /// The status's name in messages.
+    /// Returns the name of the status in messages.
     pub fn name(self) -> &'static str {
         match self {
             WindowStatus::Ok => "ok",
@@ -35,46 +34,31 @@ impl WindowStatus {
     }
 }
 
-/// The result of a window.
+/// Result of a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WindowResult {
     pub status: WindowStatus,
-    /// What ended the window, where something did.
+    /// Error that ended the window, if one did.
     pub error: Option<Error>,
-    /// The window as far as it was computed, ns.
+    /// Beginning and end of the computed part, ns.
     pub t0_ns: u64,
     pub t1_ns: u64,
     pub steps: u64,
-    /// What the ballast did to each driven body `[nd]`.
+    /// Reaction of the ballast on each driven body `[nd]`.
     pub bodies: Vec<BodyResult>,
-    /// Of the component's zones, at the end of the window.
+    /// Measurements of the component's zones at the end of the window.
     pub zones: Vec<ZoneResult>,
-    /// Those that were in progress during the window, ended ones first.
+    /// Squeezes that were in progress during the window, ended ones first.
     pub squeezes: Vec<SqueezeOutcome>,
     pub solver: SolverResult,
-    /// Since the start of the run.
+    /// Energies since the start of the run.
     pub energy: EnergyLedger,
-    /// How far apart knots may be, ns, for no body to move too far between them at its speed now;
-    /// 0 where nothing moves.
+    /// Maximum spacing of knots, ns, at which no body moves too far between them at its current speed; 0 if nothing
+    /// moves.
     pub max_knot_spacing_ns: u64,
 }
 
-impl WindowResult {
-    /// The outcome of a window of the one step that has just led to `state`: what a [`Component`] says of
-    /// it, for those who call [`step`] themselves and keep the same records.
-    ///
-    /// [`Component`]: super::Component
-    /// [`step`]: crate::step::step
-    pub fn of_step(report: &StepReport, end: WindowEnd) -> Self {
-        let (model, state) = (end.model, end.state);
-        let mut account = ResultAccumulator::new(model, state.time_ns - model.stepping.step_ns);
-        account.take(report, state, model.stepping.h());
-        let status = if account.is_sound() { WindowStatus::Ok } else { WindowStatus::Warn };
-        account.close(status, None, end)
-    }
-}
-
-/// A zone at the end of a window; what cannot be measured there is `None`.
+/// Measurements of a zone at the end of a window; `None` where they are not defined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ZoneResult {
     pub name: String,
@@ -89,7 +73,7 @@ pub struct ZoneResult {
     pub pressure: f64,
 }
 
-/// What the ballast did to a driven body during a window, about its reference point, world axes (T-27).
+/// Reaction of the ballast on a driven body during a window, about its reference point, world axes (T-27).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyResult {
     /// N s.
@@ -118,7 +102,7 @@ pub struct BodyResult {
     pub angular_velocity: Vec3,
 }
 
-/// How the window was solved.
+/// Figures of the solver over a window.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SolverResult {
     /// Over all steps.
@@ -136,21 +120,17 @@ pub struct SolverResult {
     pub max_penetration: f64,
 }
 
-/// What is looked at when a window is over.
-pub struct WindowEnd<'a> {
+/// End of a window, from which its result is read.
+pub(super) struct WindowEnd<'a> {
     pub model: &'a Model,
     pub state: &'a State,
-    /// To be measured on the state.
+    /// Zones to measure on the state.
     pub zones: &'a [Zone],
-    /// Has taken the last step.
-    pub recent: &'a ReactionHistory,
-    /// As the meter that has taken the last step tells them.
     pub squeezes: Vec<SqueezeOutcome>,
-    /// How far a body may be led in a step.
     pub speed_limit: &'a SpeedLimit,
 }
 
-/// The sums of a window so far.
+/// Sums over the steps of a running window.
 pub(super) struct ResultAccumulator {
     t0_ns: u64,
     steps: u64,
@@ -185,12 +165,12 @@ impl ResultAccumulator {
         self.steps
     }
 
-    /// Whether every step was solved.
+    /// Returns true if every step converged.
     pub fn is_sound(&self) -> bool {
         self.solver.steps_not_converged == 0
     }
 
-    /// Takes a step of length `h` (s) that has led to `state`.
+    /// Adds a step of length `h` (s) that has led to `state`.
     pub fn take(&mut self, report: &StepReport, state: &State, h: f64) {
         self.steps += 1;
         for (body, reaction) in self.bodies.iter_mut().zip(&report.reactions) {
@@ -231,7 +211,7 @@ impl ResultAccumulator {
                 body.mean_force = body.impulse / seconds;
                 body.mean_torque = body.angular_impulse / seconds;
             }
-            let [force, torque] = end.recent.mean_wrench(d, end.model.stepping.h());
+            let [force, torque] = state.window.reactions.mean_wrench(d, end.model.stepping.h());
             (body.moving_average_force, body.moving_average_torque) = (force, torque);
             body.pose = state.pose(ng + d);
             body.velocity = state.velocity[ng + d];
@@ -245,7 +225,7 @@ impl ResultAccumulator {
             steps: self.steps,
             max_knot_spacing_ns: end.hint(&self.bodies),
             bodies: self.bodies,
-            zones: measure(end.model, state, end.zones),
+            zones: measure_zones(end.model, state, end.zones),
             squeezes: end.squeezes,
             solver: self.solver,
             energy: state.energy,
@@ -254,7 +234,7 @@ impl ResultAccumulator {
 }
 
 /// Measures zones on a state.
-pub fn measure(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneResult> {
+pub fn measure_zones(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneResult> {
     if zones.is_empty() {
         return Vec::new();
     }
@@ -275,7 +255,7 @@ pub fn measure(model: &Model, state: &State, zones: &[Zone]) -> Vec<ZoneResult> 
 }
 
 impl WindowEnd<'_> {
-    /// At least a step: no finer motion is of use. None where no body moves.
+    /// Returns the maximum spacing of knots, ns, at least a step; 0 where no body moves.
     fn hint(&self, bodies: &[BodyResult]) -> u64 {
         let times = bodies.iter().enumerate();
         let time = |d, b: &BodyResult| {

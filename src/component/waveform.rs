@@ -5,11 +5,12 @@
 
 use super::refusal::Refusal;
 use crate::math::{Pose, Vec3, is_unit, rotation};
+pub use crate::window_memory::Twist;
 
-/// Widest turn between two knots, rad: beyond half a turn the way round is a guess.
+/// Maximum rotation between two knots, rad: beyond half a turn its direction is ambiguous.
 pub const MAX_KNOT_ROTATION: f64 = 2.0;
 
-/// Where a body is at a time, and how it moves then.
+/// Pose and twist of a body at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knot {
     /// Since the start of the run, ns.
@@ -21,10 +22,10 @@ pub struct Knot {
     pub angular_velocity: Vec3,
 }
 
-/// What lies between knots.
+/// Interpolation between knots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum Interpolation {
-    /// The last knot: poses jump within a step. For slow switches, not for vibration.
+    /// Pose of the last knot: poses jump within a step. For slow switches, not for vibration.
     Hold,
     /// Constant velocity and angular velocity.
     Linear,
@@ -33,7 +34,7 @@ pub enum Interpolation {
     Hermite,
 }
 
-/// A motion.
+/// Motion of a body as a function of time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Waveform {
     pub interpolation: Interpolation,
@@ -41,27 +42,8 @@ pub struct Waveform {
     pub knots: Vec<Knot>,
 }
 
-/// How a body moves at an instant.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Twist {
-    /// Of the reference point, m/s, world axes.
-    pub velocity: Vec3,
-    /// rad/s, world axes.
-    pub angular_velocity: Vec3,
-}
-
-impl Twist {
-    pub(super) fn text(&self) -> String {
-        let [v, w] = [self.velocity, self.angular_velocity];
-        format!(
-            "({:.3e}, {:.3e}, {:.3e}) m/s, ({:.3e}, {:.3e}, {:.3e}) rad/s",
-            v.x, v.y, v.z, w.x, w.y, w.z
-        )
-    }
-}
-
 impl Waveform {
-    /// Pose at a time for which there are knots.
+    /// Returns the pose at a time that the knots cover.
     pub fn pose(&self, time_ns: u64) -> Pose {
         let after = self.knots.partition_point(|k| k.time_ns <= time_ns);
         let Some(a) = after.checked_sub(1).map(|k| &self.knots[k]) else {
@@ -77,7 +59,7 @@ impl Waveform {
         }
     }
 
-    /// Refuses what is no motion through the whole window.
+    /// Refuses a waveform that does not define a motion through the whole window.
     pub(super) fn check(&self, body: &str, t0_ns: u64, t1_ns: u64) -> Result<(), Refusal> {
         let (Some(first), Some(last)) = (self.knots.first(), self.knots.last()) else {
             return Err(Refusal::input(body, "at least one knot", "none"));
@@ -122,7 +104,7 @@ impl Waveform {
         })
     }
 
-    /// Velocity and angular velocity at a time for which there are knots that tell, those of a cubic motion: at a knot its own.
+    /// Returns the twist of a cubic motion at a time that its knots cover; `None` for other motions.
     pub fn twist(&self, time_ns: u64) -> Option<Twist> {
         if self.interpolation != Interpolation::Hermite {
             return None;
@@ -136,7 +118,7 @@ impl Waveform {
     }
 }
 
-/// The knots that the stretch from `t0_ns` to `t1_ns` depends on; `time` is that of a knot.
+/// Returns the knots that the interval from `t0_ns` to `t1_ns` depends on; `time` returns the time of a knot.
 pub(super) fn around<K>(knots: &[K], time: impl Fn(&K) -> u64, t0_ns: u64, t1_ns: u64) -> &[K] {
     let first = knots.partition_point(|k| time(k) <= t0_ns).saturating_sub(1);
     let last = knots.partition_point(|k| time(k) < t1_ns);
@@ -148,7 +130,7 @@ fn between(a: &Knot, b: &Knot) -> Vec3 {
     rotation::log(&(b.pose.orientation * a.pose.orientation.inverse()))
 }
 
-/// Share of the way from `a` to `b`, and the time between them, s.
+/// Returns the fraction of the time from `a` to `b`, and that time, s.
 fn share(a: &Knot, b: &Knot, time_ns: u64) -> (f64, f64) {
     let whole = (b.time_ns - a.time_ns) as f64;
     ((time_ns - a.time_ns) as f64 / whole, whole * 1e-9)
@@ -162,19 +144,19 @@ fn linear(a: &Knot, b: &Knot, time_ns: u64) -> Pose {
     }
 }
 
-/// The cubic of the time between two knots that goes so far, with these rates at its ends.
+/// Cubic of the time between two knots, with a displacement and the rates at its ends.
 struct Cubic {
     way: Vec3,
     rates: [Vec3; 2],
 }
 
 impl Cubic {
-    /// Of the positions. Differences: those far from the origin lose no digits.
+    /// Returns the cubic of the positions, as differences: those far from the origin lose no digits.
     fn of_positions(a: &Knot, b: &Knot) -> Self {
         Self { way: b.pose.position - a.pose.position, rates: [a.velocity, b.velocity] }
     }
 
-    /// Of the rotation vector from `a`, whose rate at `b` is `J⁻¹(φ) ω`.
+    /// Returns the cubic of the rotation vector from `a`, whose rate at `b` is `J⁻¹(φ) ω`.
     fn of_turns(a: &Knot, b: &Knot) -> Self {
         let way = between(a, b);
         Self {
@@ -183,7 +165,7 @@ impl Cubic {
         }
     }
 
-    /// The way up to a share `s` of the time.
+    /// Returns the displacement at a fraction `s` of the time.
     fn at(&self, (s, seconds): (f64, f64)) -> Vec3 {
         let (s2, s3) = (s * s, s * s * s);
         let [rate_a, rate_b] = self.rates;
@@ -191,7 +173,7 @@ impl Cubic {
             + (rate_a * (s3 - 2.0 * s2 + s) + rate_b * (s3 - s2)) * seconds
     }
 
-    /// Its rate there.
+    /// Returns the rate at a fraction of the time.
     fn rate(&self, (s, seconds): (f64, f64)) -> Vec3 {
         let s2 = s * s;
         let [rate_a, rate_b] = self.rates;

@@ -1,8 +1,7 @@
-//! The inputs of a window: what a caller says of its bodies, checked, and what that is for each step.
+//! Inputs of a window: motions and loads of bodies, checked, and evaluated for each step.
 
 use super::Limits;
 use super::load::LoadWaveform;
-use super::memory::WindowMemory;
 use super::refusal::Refusal;
 use super::waveform::{Twist, Waveform, around};
 use crate::drive::Load;
@@ -10,19 +9,19 @@ use crate::math::{Pose, rotation};
 use crate::model::Model;
 use crate::state::State;
 
-/// The motion of one driven body, or of its mount, through a window.
+/// Motion of one driven body, or of its mount, through a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MotionInput {
     /// The body's name.
     pub body: String,
     pub waveform: Waveform,
-    /// The window need not join the one before: the body is moved there within the first step.
+    /// True if the motion need not continue the window before: the body is moved to it within the first step.
     pub allow_jump: bool,
 }
 
 impl MotionInput {
-    /// The same motion with no more knots than the stretch from `t0_ns` to `t1_ns` depends on: there it is the same to
-    /// the bit.
+    /// Returns the motion with the knots that the interval from `t0_ns` to `t1_ns` depends on; there it is equal to the
+    /// bit.
     pub fn cut(&self, t0_ns: u64, t1_ns: u64) -> Self {
         let Waveform { interpolation, knots } = &self.waveform;
         let knots = around(knots, |k| k.time_ns, t0_ns, t1_ns).to_vec();
@@ -31,7 +30,7 @@ impl MotionInput {
     }
 }
 
-/// The load on one mounted body through a window, besides its weight along directions that are loaded.
+/// Load on one mounted body through a window, besides its weight along free directions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LoadInput {
     /// The body's name.
@@ -40,7 +39,7 @@ pub struct LoadInput {
 }
 
 impl LoadInput {
-    /// The same load with no more knots than the stretch from `t0_ns` to `t1_ns` depends on.
+    /// Returns the load with the knots that the interval from `t0_ns` to `t1_ns` depends on.
     pub fn cut(&self, t0_ns: u64, t1_ns: u64) -> Self {
         let LoadWaveform { is_held, knots } = &self.waveform;
         let knots = around(knots, |k| k.time_ns, t0_ns, t1_ns).to_vec();
@@ -48,7 +47,22 @@ impl LoadInput {
     }
 }
 
-/// All inputs of a window. A body without motion stays where it is, or where its mount is; one without
+/// Inputs of a window, as a driver gives them.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct WindowInputs {
+    /// Motions of driven bodies, or of their mounts.
+    pub motions: Vec<MotionInput>,
+    /// Loads on mounted bodies.
+    pub loads: Vec<LoadInput>,
+}
+
+impl<'a> From<&'a WindowInputs> for WindowInputsRef<'a> {
+    fn from(inputs: &'a WindowInputs) -> Self {
+        Self { motions: &inputs.motions, loads: &inputs.loads }
+    }
+}
+
+/// Borrowed inputs of a window. A body without motion stays where it is, or where its mount is; one without
 /// load has none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WindowInputsRef<'a> {
@@ -68,7 +82,7 @@ impl<'a, const N: usize> From<&'a [MotionInput; N]> for WindowInputsRef<'a> {
     }
 }
 
-/// The waveforms of a window by body.
+/// Waveforms of a window by body.
 pub(super) struct WindowPlan<'a> {
     /// `[nd]`.
     motions: Vec<Option<&'a Waveform>>,
@@ -81,12 +95,11 @@ impl<'a> WindowPlan<'a> {
     pub fn check(
         model: &Model,
         state: &State,
-        memory: &WindowMemory,
         limits: &Limits,
         t1_ns: u64,
         window: &WindowInputsRef<'a>,
     ) -> Result<Self, Refusal> {
-        let join = ContinuityCheck { model, state, memory, limits };
+        let join = ContinuityCheck { model, state, limits };
         let mut motions = vec![None; model.driven.len()];
         for MotionInput { body, waveform, allow_jump } in window.motions {
             let d = find(model, body)?;
@@ -118,7 +131,7 @@ impl<'a> WindowPlan<'a> {
         Ok(Self { motions, loads })
     }
 
-    /// Where each driven body, or its mount, is at the end of the step after `state` `[nd]`.
+    /// Returns the pose of each driven body, or of its mount, at the end of the step after `state` `[nd]`.
     pub fn targets(&self, model: &Model, state: &State) -> Vec<Pose> {
         let end = state.time_ns + model.stepping.step_ns;
         let target = |(d, waveform): (usize, &Option<&Waveform>)| {
@@ -127,14 +140,14 @@ impl<'a> WindowPlan<'a> {
         self.motions.iter().enumerate().map(target).collect()
     }
 
-    /// The loads of that step `[nm]`: those of its middle.
+    /// Returns the loads in the middle of the step after `state` `[nm]`.
     pub fn loads(&self, model: &Model, state: &State) -> Vec<Load> {
         let middle = state.time_ns + model.stepping.step_ns / 2;
         self.loads.iter().map(|w| w.map_or_else(Load::zero, |w| w.load(middle))).collect()
     }
 
-    /// In which twist each driven body, or its mount, is at a time: a cubic motion tells, and one without a motion
-    /// stays `[nd]`.
+    /// Returns the twist of each driven body, or of its mount, at a time `[nd]`: that of a cubic motion, zero without a
+    /// motion, unknown otherwise.
     pub fn twists(&self, time_ns: u64) -> Vec<Option<Twist>> {
         let still = Some(Twist::default());
         self.motions.iter().map(|w| w.map_or(still, |w| w.twist(time_ns))).collect()
@@ -148,18 +161,17 @@ fn find(model: &Model, body: &str) -> Result<usize, Refusal> {
     })
 }
 
-/// Where a window has to begin.
+/// Check that the inputs of a window continue the window before.
 struct ContinuityCheck<'a> {
     model: &'a Model,
     state: &'a State,
-    memory: &'a WindowMemory,
     limits: &'a Limits,
 }
 
 impl ContinuityCheck<'_> {
-    /// A body without input stays; one that has left the last window moving cannot.
+    /// Refuses a body without motion that moved at the end of the last window.
     fn check_still(&self, d: usize) -> Result<(), Refusal> {
-        let twist = self.memory.twist[d].unwrap_or_default();
+        let twist = self.state.end_twist(d).unwrap_or_default();
         if twist.velocity.norm() <= self.limits.join_speed
             && twist.angular_velocity.norm() <= self.limits.join_angular_velocity
         {
@@ -167,13 +179,13 @@ impl ContinuityCheck<'_> {
         }
         Err(Refusal::Jump {
             body: self.model.driven[d].name.clone(),
-            expected: "an input that goes on so, or a rebase: it left the last window moving"
+            expected: "a motion that continues it, or one with allow_jump: it moved at the end of the last window"
                 .into(),
             found: format!("none, at {}", twist.text()),
         })
     }
 
-    /// Whether a waveform begins where its body, or the body's mount, is.
+    /// Refuses a waveform that does not begin at its body, or at the body's mount.
     fn check(&self, d: usize, waveform: &Waveform) -> Result<(), Refusal> {
         let (limits, now) = (self.limits, self.state.time_ns);
         let jump = |expected: String, found: String| {
@@ -189,7 +201,7 @@ impl ContinuityCheck<'_> {
             );
             return jump(within, format!("{distance:.3e} m and {angle:.3e} rad away"));
         }
-        let (Some(was), Some(becomes)) = (self.memory.twist[d], waveform.twist(now)) else {
+        let (Some(was), Some(becomes)) = (self.state.end_twist(d), waveform.twist(now)) else {
             return Ok(());
         };
         let speed = (becomes.velocity - was.velocity).norm();

@@ -166,11 +166,11 @@ fn a_long_loop_keeps_its_course_with_fewer_points() {
         let closing = i as f64 * 1e-5;
         step(&mut meter, i, closing, 1e5 * closing, 0.0);
         for told in meter.tell() {
-            assert!(told.record.loop_points.len() < MOST_POINTS);
+            assert!(told.record.loop_points.len() < MAX_LOOP_POINTS);
         }
     }
     let points = &meter.tell()[0].record.loop_points;
-    assert!(points.len() >= MOST_POINTS / 2);
+    assert!(points.len() >= MAX_LOOP_POINTS / 2);
     assert!(points.iter().all(|[c, f]| (f - 1e5 * c).abs() < 1e-6));
     assert!(points.windows(2).all(|p| p[0][0] < p[1][0]) && points[points.len() - 1][0] > 0.049);
 }
@@ -185,21 +185,20 @@ fn what_is_written_down_goes_on_as_if_never_interrupted() {
         step(&mut whole, i, closing, force, work);
         step(&mut broken, i, closing, force, work);
         assert_eq!(broken.tell(), whole.tell());
-        let mut numbers = vec![];
-        broken.write(&mut numbers);
-        broken = SqueezeMeter::read(rule(PERIOD), &numbers).expect("its own numbers");
+        let mut numbers = SqueezeTrack::encode(&broken.into_tracks());
+        let tracks = SqueezeTrack::decode(&numbers).expect("numbers of a track");
+        broken = SqueezeMeter::resume(rule(PERIOD), &tracks);
         assert_eq!(broken, whole);
-        assert!(SqueezeMeter::read(rule(PERIOD), &numbers[1..]).is_none());
         numbers.push(0.0);
-        assert!(SqueezeMeter::read(rule(PERIOD), &numbers).is_none());
+        assert!(SqueezeTrack::decode(&numbers).is_none());
     }
 }
 
-/// States that were kept before are read by this order.
+/// Checkpoints are read by this order.
 #[test]
 fn numbers_are_kept_in_their_order() {
-    let course = Course {
-        period: Period { steps: 1, force: 2.0, place: 3.0, work: 4.0, peak_step_force: 5.0 },
+    let track = SqueezeTrack {
+        period: PeriodSums { steps: 1, force: 2.0, place: 3.0, work: 4.0, peak_step_force: 5.0 },
         is_squeezing: true,
         count: 7,
         widest: Some(9.0),
@@ -222,19 +221,17 @@ fn numbers_are_kept_in_their_order() {
             loop_points: vec![[27.0, 28.0]],
         },
     };
-    let mut numbers = vec![];
-    course.write(&mut numbers);
+    let numbers = SqueezeTrack::encode(std::slice::from_ref(&track));
     let mut expected: Vec<f64> = (1..=28).map(f64::from).collect();
     // What is or is not, and how many points there are.
     (expected[5], expected[7], expected[25]) = (1.0, 1.0, 1.0);
     assert_eq!(numbers, expected);
-    assert_eq!(Course::read(&mut &numbers[..]), Some(course));
-    numbers.clear();
-    Course::default().write(&mut numbers);
+    assert_eq!(SqueezeTrack::decode(&numbers), Some(vec![track]));
+    let numbers = SqueezeTrack::encode(&[SqueezeTrack::default()]);
     let mut nothing = [0.0; 26];
     nothing[17] = -1.0;
     assert_eq!(numbers, nothing);
-    assert_eq!(Course::read(&mut &numbers[..]), Some(Course::default()));
+    assert_eq!(SqueezeTrack::decode(&numbers), Some(vec![SqueezeTrack::default()]));
 }
 
 #[test]

@@ -1,5 +1,5 @@
-//! Whether the tools have room: contacts between driven bodies do not exist, so nothing in the run
-//! itself would tell that a tine goes through a sleeper or a wall.
+//! Clearance of the tools: driven bodies have no contacts with each other, so a run would not notice that a tine passes
+//! through a sleeper or a wall.
 
 use crate::error::{Error, Result};
 use crate::math::Vec3;
@@ -36,7 +36,7 @@ pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
     Ok(())
 }
 
-/// What a tine sweeps in plan view: from and to, m.
+/// Area that a tine sweeps in plan view: from and to, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweptArea {
     pub x: [f64; 2],
@@ -51,7 +51,7 @@ impl std::fmt::Display for SweptArea {
     }
 }
 
-/// What blade and shaft sweep while the tine closes by `stroke` metres and swings by `amplitude`.
+/// Returns the area that blade and shaft sweep while the tine closes by `stroke` (m) and vibrates by `amplitude` (m).
 pub fn swept_area(tine: &TinePlan, stroke: f64, amplitude: f64) -> SweptArea {
     let half: Vec3 = tine.blade.sup(&tine.shaft) * 0.5;
     let [x, y] = tine.position;

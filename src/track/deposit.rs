@@ -34,24 +34,24 @@ use std::ops::ControlFlow;
 
 /// Speed that damping lets falling grains reach, m/s: 1 mm per step of 1 ms. A step must gain less.
 pub const FALL_SPEED: f64 = 1.0;
-/// Compactness that poured volumes are reckoned with; rather too high, what is too much is trimmed. Broad gradings pack more
+/// Compactness assumed for poured volumes: rather too high, since the excess is trimmed. Broad gradings pack more
 /// densely, and are topped up.
 const ASSUMED_COMPACTNESS: f64 = 0.62;
-/// How far a bed may lie below its fill level in the mean, in mean grain sizes, before it is topped up.
+/// Mean height below the fill level at which a bed is topped up, in mean grain sizes.
 const MAX_LACKING_HEIGHT: f64 = 0.5;
-/// How often at most: each time lays what lacked to the level, and half a grain more.
+/// Maximum number of top-ups: each adds the missing height and half a grain more.
 const TOP_UPS: usize = 3;
-/// A bed that lacks more than this share of what it lacked has not been filled by topping up: its cribs are too narrow.
+/// Maximum fraction of the missing volume that may remain after a top-up; beyond it the cribs are too narrow.
 const MAX_FILL_FRACTION: f64 = 0.8;
 /// Steps before a pour may count as at rest: it starts from rest.
 const MIN_STEPS: u64 = 50;
-/// Longest last stage, s: the bed is at rest already, only impulses have to settle.
+/// Maximum duration of the last stage, s: the bed is at rest already, only impulses have to settle.
 const MAX_REST_DURATION: f64 = 0.02;
-/// Most grains of a bed, reckoned without voids.
+/// Maximum number of grains of a bed, estimated without voids.
 pub const MAX_GRAINS: f64 = 2e7;
-/// Deepest penetration left in a bed, in mean grain sizes: nothing in a run would push it out.
+/// Maximum penetration left in a bed, in mean grain sizes: a run would not remove it.
 const MAX_BED_PENETRATION: f64 = 0.05;
-/// How far a grain may stick out of the fill level after trimming, in mean grain sizes.
+/// Maximum protrusion of a grain above the fill level after trimming, in mean grain sizes.
 pub const MAX_TRIMMED_PROTRUSION: f64 = 0.5;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
 const REST_ITERATIONS: u32 = 500;
@@ -92,7 +92,7 @@ pub fn deposit(
     Ok(Some(Bed { model, state }))
 }
 
-/// The bed without its stones: what is known of the other bodies before anything is poured.
+/// Returns the bed without grains: sleepers and boundaries before anything is poured.
 ///
 /// # Errors
 /// As for a plan that describes no bed.
@@ -103,7 +103,7 @@ pub fn empty_bed(plan: &Plan) -> Result<Bed> {
     Ok(Bed { model: builder.model, state: builder.state })
 }
 
-/// A bed in the making.
+/// Bed under preparation.
 struct Site<'a> {
     plan: &'a Plan,
     templates: Templates,
@@ -112,7 +112,7 @@ struct Site<'a> {
     watch: &'a mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
 }
 
-/// The stages; each tells whether it was asked to stop.
+/// Stages of the preparation; each returns whether a stop was requested.
 impl Site<'_> {
     /// Stage 1: the bed below the sleepers.
     fn pour_below(&mut self) -> Result<ControlFlow<()>> {
@@ -145,7 +145,7 @@ impl Site<'_> {
         self.settle(&pouring(plan, DepositStage::Fill))
     }
 
-    /// Stage 2, gone on with: what lacks to the fill level.
+    /// Stage 2, continued: tops up to the fill level.
     fn top_up(&mut self) -> Result<ControlFlow<()>> {
         let (plan, bed) = (self.plan, &self.plan.bed);
         let (level, mean_size) = (bed.preparation.fill_level, bed.grains.mean_size());

@@ -1,19 +1,34 @@
-//! A clock of a motion that waits while it meets too much force.
+//! Progress of a motion that pauses while it meets too much force.
 //!
-//! Reads: forces, one per step. Writes: its own piece of the memory in
-//! [`State::drive`](crate::state::State::drive).
-//! Contract: everything that later steps depend on is in that memory, so a restored run continues
-//! bit for bit; an empty memory is that of a run that has not begun.
-//!
-//! Memory, `2 + window` entries:
-//! * `[0]` elapsed time of the motion, s: stands still while the motion is held;
-//! * `[1]` brake, 0 (full rate) to 1 (held), so that a motion never stops nor starts with a jump;
-//! * `[2..]` the force of each of the last `window` steps, N, at index `step % window`.
+//! Reads: forces, one per step. Writes: its [`ProgressState`].
+//! Contract: everything that later steps depend on is in that state, so a restored run continues bit for bit; the
+//! default is the state of a run that has not begun.
 
-/// Entries of the memory before the ring of forces.
-const HEAD: usize = 2;
+/// State of a force-limited motion.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub(super) struct ProgressState {
+    /// Elapsed time of the motion, s: does not advance while the motion is held.
+    pub elapsed: f64,
+    /// Brake, 0 (full rate) to 1 (held), so that a motion never stops nor starts with a jump.
+    pub brake: f64,
+    /// Force of each of the last `window` steps, N, at index `step % window`; empty before the first step.
+    pub forces: Vec<f64>,
+}
 
-/// Runs at its rate, and is held while the mean force over a window exceeds the limit.
+impl ProgressState {
+    /// Appends the state as `2 + window` numbers.
+    pub fn encode(&self, values: &mut Vec<f64>) {
+        values.extend([self.elapsed, self.brake]);
+        values.extend(&self.forces);
+    }
+
+    /// Returns the state of `2 + window` numbers.
+    pub fn decode(values: &[f64]) -> Self {
+        Self { elapsed: values[0], brake: values[1], forces: values[2..].to_vec() }
+    }
+}
+
+/// Motion that advances at its rate, and is held while the mean force over a window exceeds the limit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ForceLimitedProgress {
     /// Steps over which the force is averaged.
@@ -24,47 +39,46 @@ pub(super) struct ForceLimitedProgress {
     pub braking: f64,
     /// Length of the motion when nothing holds it, s.
     pub duration: f64,
-    /// How long after its beginning the motion ends where it is, s.
+    /// Time after its beginning at which the motion ends in any case, s.
     pub open: f64,
 }
 
 impl ForceLimitedProgress {
-    /// Length of the memory.
-    pub fn memory_len(&self) -> usize {
-        HEAD + self.window
+    /// Returns the number of values of an encoded state.
+    pub fn encoded_len(&self) -> usize {
+        2 + self.window
     }
 
-    /// Elapsed time of the motion, s.
-    pub fn elapsed(&self, memory: &[f64]) -> f64 {
-        memory.first().copied().unwrap_or(0.0)
+    /// Returns the mean force over the window, N.
+    pub fn mean_force(&self, state: &ProgressState) -> f64 {
+        state.forces.iter().sum::<f64>() / self.window as f64
     }
 
-    /// Mean force over the window, N.
-    pub fn mean_force(&self, memory: &[f64]) -> f64 {
-        memory.get(HEAD..).unwrap_or(&[]).iter().sum::<f64>() / self.window as f64
-    }
-
-    /// Elapsed time and brake after a step of `h` that ends `since_start` seconds after the motion's
-    /// beginning.
-    pub fn advanced(&self, memory: &[f64], since_start: f64, h: f64) -> (f64, f64) {
-        let elapsed = self.elapsed(memory);
-        let brake = memory.get(1).copied().unwrap_or(0.0);
+    /// Returns elapsed time and brake after a step of `h` that ends `since_start` seconds after the motion's beginning.
+    pub fn advanced(&self, state: &ProgressState, since_start: f64, h: f64) -> (f64, f64) {
+        let &ProgressState { elapsed, brake, .. } = state;
         let within = since_start.min(h);
         if within <= 0.0 {
             return (elapsed, brake);
         }
         let over = since_start - within >= self.open;
-        let held = over || self.mean_force(memory) > self.force_limit;
+        let held = over || self.mean_force(state) > self.force_limit;
         let change = h / self.braking;
         let brake = (brake + if held { change } else { -change }).clamp(0.0, 1.0);
         ((elapsed + within * (1.0 - brake)).min(self.duration), brake)
     }
 
-    /// Takes a step that ended at step number `step` with this force into the memory.
-    pub fn observe(&self, memory: &mut [f64], force: f64, step: u64, since_start: f64, h: f64) {
-        let (elapsed, brake) = self.advanced(memory, since_start, h);
-        memory[0] = elapsed;
-        memory[1] = brake;
-        memory[HEAD + (step % self.window as u64) as usize] = force;
+    /// Takes a step with this force that ended at step number `step` into the state.
+    pub fn observe(
+        &self,
+        state: &mut ProgressState,
+        force: f64,
+        step: u64,
+        since_start: f64,
+        h: f64,
+    ) {
+        (state.elapsed, state.brake) = self.advanced(state, since_start, h);
+        state.forces.resize(self.window, 0.0);
+        state.forces[(step % self.window as u64) as usize] = force;
     }
 }

@@ -1,4 +1,4 @@
-//! The relief of a bed seen from above, on a raster: where a falling grain would first touch.
+//! Height map of a bed on a raster, on which falling grains come to rest.
 //!
 //! Reads: grains at rest or being poured. Writes: only the raster.
 //! Cost: O(cells under the grain) per query.
@@ -10,7 +10,7 @@ use crate::math::Quat;
 
 /// Faces steeper than this (z component of their normal) bound nothing from above or below.
 const STEEP: f64 = 1e-6;
-/// Most cells of the raster that a bed is poured on, 1.6 GB: a box of 28 m × 28 m at 2 mm, with more stones than fit a
+/// Maximum number of cells of the raster that a bed is poured on, 1.6 GB: a box of 28 m × 28 m at 2 mm, with more stones than fit a
 /// machine.
 pub const MAX_CELLS: f64 = 2e8;
 
@@ -25,7 +25,7 @@ pub(super) struct HeightMap {
     height: Vec<f64>,
 }
 
-/// What a grain of one orientation covers, relative to the cell that holds its origin.
+/// Cells that a grain of one orientation covers, relative to the cell of its origin.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Footprint {
     cells: Vec<CoveredCell>,
@@ -41,7 +41,7 @@ struct CoveredCell {
 }
 
 impl Footprint {
-    /// Covers the grain anew; its origin is at `within` (0 to 1, in cells) of its own cell.
+    /// Computes the footprint of a grain whose origin is at `within` (0 to 1, in cells) of its cell.
     pub fn cover(&mut self, grain: &Polyhedron, turn: &Quat, within: [f64; 2], cell: f64) {
         self.cells.clear();
         let bounds = turned_bounds(grain, turn);
@@ -148,7 +148,7 @@ impl HeightMap {
         }
     }
 
-    /// What lacks to a level where grains may be placed, m³, and the area of that, m².
+    /// Returns the missing volume below a level where grains may be placed, m³, and the area there, m².
     pub fn lacking(&self, level: f64) -> [f64; 2] {
         let area = self.cell * self.cell;
         let open = self.height.iter().filter(|height| height.is_finite());

@@ -1,20 +1,19 @@
-//! How far the tamping unit has been lowered, and how far each tine pair has closed.
+//! Control of the tamping unit: how far it has been lowered, and how far each tine pair has closed.
 //!
-//! Reads: reactions of the tines. Writes: the memory in [`State::drive`](crate::state::State::drive).
-//! Contract: that of [`force_limited_progress`](super::force_limited_progress); the memory is that of the lowering, then
-//! that of each pair's closing in order of its number.
+//! Reads: reactions of the tines. Writes: the [`TampingState`].
+//! Contract: that of [`force_limited_progress`](super::force_limited_progress).
 //!
 //! A hydraulic machine has forces, not only positions: its unit stops going down while the bed
 //! carries it, and each pair stops closing at its preset pressure, independently of the others.
 
-use super::force_limited_progress::ForceLimitedProgress;
+use super::force_limited_progress::{ForceLimitedProgress, ProgressState};
 use crate::error::{Error, Result};
 use crate::model::Model;
 use crate::observe::squeeze::{PairTines, side_force};
 use crate::step::StepReport;
 use crate::track::plan::{TampingPlan, TinePlan};
 
-/// Longest window in steps; beyond this the time step and the frequency do not belong together.
+/// Maximum number of steps over which forces are averaged; beyond it the time step does not suit the frequency.
 pub const MAX_AVERAGING_STEPS: f64 = 1e5;
 
 /// Tines that close together under one force limit.
@@ -34,7 +33,24 @@ impl TinePair {
     }
 }
 
-/// The machine's clocks: one of the lowering, one of each pair's closing.
+/// State of a tamping cycle; the default is that of a run that has not begun.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct TampingState {
+    lowering: ProgressState,
+    /// Closing of each pair in order of its number `[pairs]`; empty before the first step.
+    closing: Vec<ProgressState>,
+}
+
+impl TampingState {
+    /// Returns the progress of pair `p`.
+    fn pair(&self, p: usize) -> &ProgressState {
+        const NOT_BEGUN: &ProgressState =
+            &ProgressState { elapsed: 0.0, brake: 0.0, forces: Vec::new() };
+        self.closing.get(p).unwrap_or(NOT_BEGUN)
+    }
+}
+
+/// Controls of the machine: progress of the lowering, and of each pair's closing.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct MachineControl {
     pub pairs: Vec<TinePair>,
@@ -63,7 +79,7 @@ impl MachineControl {
             open,
         };
         let (insertion, squeeze) = (&plan.insertion, &plan.squeeze);
-        // A unit that was held goes on down until it is withdrawn.
+        // A unit that was held continues downwards until it is withdrawn.
         let down = insertion.duration + squeeze.duration + plan.hold;
         Ok(Self {
             pairs,
@@ -72,67 +88,89 @@ impl MachineControl {
         })
     }
 
-    /// Length of the memory.
-    pub fn memory_len(&self) -> usize {
-        self.lowering.memory_len() + self.pairs.len() * self.closing.memory_len()
+    /// Returns the number of values of an encoded state.
+    fn encoded_len(&self) -> usize {
+        self.lowering.encoded_len() + self.pairs.len() * self.closing.encoded_len()
     }
 
-    fn of_lowering<'a>(&self, memory: &'a [f64]) -> &'a [f64] {
-        memory.get(..self.lowering.memory_len()).unwrap_or(&[])
+    /// Returns the state as numbers: that of the lowering, then that of each pair in order of its number.
+    pub fn encode(&self, state: &TampingState) -> Vec<f64> {
+        let mut values = Vec::with_capacity(self.encoded_len());
+        if !state.closing.is_empty() || !state.lowering.forces.is_empty() {
+            state.lowering.encode(&mut values);
+            state.closing.iter().for_each(|pair| pair.encode(&mut values));
+        }
+        values
     }
 
-    fn of_pair<'a>(&self, memory: &'a [f64], p: usize) -> &'a [f64] {
-        let start = self.lowering.memory_len() + p * self.closing.memory_len();
-        memory.get(start..start + self.closing.memory_len()).unwrap_or(&[])
+    /// Returns the state of such numbers; none is the state before the first step.
+    pub fn decode(&self, values: &[f64]) -> Result<TampingState> {
+        if values.is_empty() {
+            return Ok(TampingState::default());
+        }
+        if values.len() != self.encoded_len() {
+            return Err(Error::State {
+                place: "driver state".into(),
+                expected: format!("{} values, or none before the first step", self.encoded_len()),
+                found: values.len().to_string(),
+            });
+        }
+        let (lowering, closing) = values.split_at(self.lowering.encoded_len());
+        Ok(TampingState {
+            lowering: ProgressState::decode(lowering),
+            closing: closing
+                .chunks_exact(self.closing.encoded_len())
+                .map(ProgressState::decode)
+                .collect(),
+        })
     }
 
-    /// For how long the unit has been lowered, s.
-    pub fn lowered(&self, memory: &[f64]) -> f64 {
-        self.lowering.elapsed(self.of_lowering(memory))
+    /// Returns how long the unit has been lowered, s.
+    pub fn lowered(&self, state: &TampingState) -> f64 {
+        state.lowering.elapsed
     }
 
-    /// The same after a step of `h` that ends `since_start` seconds after the beginning of the
-    /// insertion.
-    pub fn lowered_next(&self, memory: &[f64], since_start: f64, h: f64) -> f64 {
-        self.lowering.advanced(self.of_lowering(memory), since_start, h).0
+    /// Returns how long the unit has been lowered after a step of `h` that ends `since_start` seconds after the
+    /// beginning of the insertion.
+    pub fn lowered_next(&self, state: &TampingState, since_start: f64, h: f64) -> f64 {
+        self.lowering.advanced(&state.lowering, since_start, h).0
     }
 
-    /// For how long pair `p` has closed, s.
-    pub fn squeezed(&self, memory: &[f64], p: usize) -> f64 {
-        self.closing.elapsed(self.of_pair(memory, p))
+    /// Returns how long pair `p` has closed, s.
+    pub fn squeezed(&self, state: &TampingState, p: usize) -> f64 {
+        state.pair(p).elapsed
     }
 
-    /// The same after a step of `h` that ends `since_start` seconds after the beginning of the
-    /// squeeze.
-    pub fn squeezed_next(&self, memory: &[f64], p: usize, since_start: f64, h: f64) -> f64 {
-        self.closing.advanced(self.of_pair(memory, p), since_start, h).0
+    /// Returns how long pair `p` has closed after a step of `h` that ends `since_start` seconds after the beginning of
+    /// the squeeze.
+    pub fn squeezed_next(&self, state: &TampingState, p: usize, since_start: f64, h: f64) -> f64 {
+        self.closing.advanced(state.pair(p), since_start, h).0
     }
 
-    /// Mean force of pair `p` over the last vibration period, N.
-    pub fn mean_force(&self, memory: &[f64], p: usize) -> f64 {
-        self.closing.mean_force(self.of_pair(memory, p))
+    /// Returns the mean force of pair `p` over the last vibration period, N.
+    pub fn mean_force(&self, state: &TampingState, p: usize) -> f64 {
+        self.closing.mean_force(state.pair(p))
     }
 
-    /// Takes a step of `h` that ended at step number `step` into the memory; `since` holds the
-    /// seconds since the beginnings of insertion and squeeze.
+    /// Takes a step of `h` that ended at step number `step` into the state; `since` holds the seconds since the
+    /// beginnings of insertion and squeeze.
     pub fn observe(
         &self,
-        memory: &mut Vec<f64>,
+        state: &mut TampingState,
         report: &StepReport,
         step: u64,
         since: [f64; 2],
         h: f64,
     ) {
-        memory.resize(self.memory_len(), 0.0);
-        let (lowering, closing) = memory.split_at_mut(self.lowering.memory_len());
-        self.lowering.observe(lowering, self.vertical_force(report, h), step, since[0], h);
-        let each = closing.chunks_exact_mut(self.closing.memory_len());
-        for (memory, pair) in each.zip(&self.pairs) {
-            self.closing.observe(memory, pair.force(report, h), step, since[1], h);
+        let force = self.vertical_force(report, h);
+        self.lowering.observe(&mut state.lowering, force, step, since[0], h);
+        state.closing.resize_with(self.pairs.len(), ProgressState::default);
+        for (progress, pair) in state.closing.iter_mut().zip(&self.pairs) {
+            self.closing.observe(progress, pair.force(report, h), step, since[1], h);
         }
     }
 
-    /// What the bed carries of the unit, N per tine.
+    /// Returns the vertical force of the bed on the unit, N per tine.
     fn vertical_force(&self, report: &StepReport, h: f64) -> f64 {
         let tines = || self.pairs.iter().flat_map(|p| &p.tines);
         let carried: f64 = tines().map(|(body, _)| report.reactions[*body].impulse.z).sum();

@@ -23,7 +23,7 @@ pub mod zones;
 pub use clearance::{ROUNDING_TOLERANCE, SweptArea, swept_area};
 pub use deposit::{Bed, FALL_SPEED, MAX_GRAINS, deposit, empty_bed};
 pub use height_map::MAX_CELLS;
-pub use machine_control::{MAX_AVERAGING_STEPS, TinePair};
+pub use machine_control::{MAX_AVERAGING_STEPS, TampingState, TinePair};
 pub use pour::CELLS_PER_GRAIN;
 pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};

@@ -1,4 +1,4 @@
-//! What a scenario asks for, as plain numbers. Files are read into this by `interfaces/scenario`.
+//! Plan of a scenario as plain numbers. `interfaces/scenario` reads files into it.
 //!
 //! SI units throughout. x runs along the track, y across it, z up; the box of the bed spans
 //! `[0, box[0]] × [0, box[1]]`, its floor is z = 0.
@@ -88,7 +88,7 @@ pub struct FrictionPlan {
     pub boundary: f64,
 }
 
-/// How the bed is poured and settled.
+/// Settings of pouring and settling the bed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PreparationPlan {
     /// Level of the sleepers' underside after preparation, m.
@@ -114,9 +114,9 @@ pub struct SleeperPlan {
     pub centre: [f64; 2],
     /// Blocks: offset of the block's centre in y and size (x, y, z), m.
     pub blocks: Vec<BlockPlan>,
-    /// Whether the tamping cycle lifts it.
+    /// True if the tamping cycle lifts it.
     pub tamped: bool,
-    /// How contacts move it in the run; `None`: not at all. It stands still while the bed is prepared.
+    /// Mount on which contacts move it in the run; `None`: rigid. It stands still while the bed is prepared.
     pub mount: Option<Mount>,
 }
 
@@ -139,7 +139,7 @@ pub struct TinePlan {
     /// Blade and shaft: sizes in x (thickness), y (width), z (height), m.
     pub blade: Vec3,
     pub shaft: Vec3,
-    /// How the blade gives way; `None`: not at all.
+    /// Mount of the blade; `None`: rigid.
     pub mount: Option<Mount>,
 }
 
@@ -233,7 +233,7 @@ impl VibrationPlan {
     }
 }
 
-/// How the scenario is run and what is written.
+/// Settings of the run and its output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunPlan {
     pub stepping: Stepping,

@@ -1,4 +1,4 @@
-//! Pouring grains: a dense rain without dynamics, each grain laid where it comes to lie lowest.
+//! Pouring of grains without dynamics: each grain is laid at the lowest of several random places.
 //!
 //! Reads: grain shapes, the bed's relief. Writes: grains and their poses.
 //! Cost: O(tries × cells under a grain) per grain.
@@ -16,15 +16,15 @@ use crate::track::plan::{BedPlan, SizeClass};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
-/// Places tried for each grain; more make a denser and more even rain.
+/// Places tried for each grain; more make a denser and more even bed.
 const PLACEMENT_ATTEMPTS: usize = 100;
-/// Tries without any place before the bed counts as too narrow.
+/// Maximum attempts without any place before the bed counts as too narrow.
 const MAX_ATTEMPTS: usize = 10_000;
-/// Grains without any place, one after the other, before the cribs count as narrower than grains.
+/// Maximum number of grains in a row without a place before the cribs count as narrower than grains.
 const MAX_CONSECUTIVE_FAILURES: usize = 20;
-/// Places tried under a block, per grain that would cover it.
+/// Attempts under a block, per grain that would cover it.
 const FILL_ATTEMPTS_PER_GRAIN: f64 = 400.0;
-/// Air between a grain and what it is laid upon, m: rounding must not make it an overlap.
+/// Clearance between a grain and the surface that it is laid upon, m, so that rounding makes no overlap.
 const CLEARANCE: f64 = 1e-5;
 /// Cells of the raster across the smallest grains.
 pub const CELLS_PER_GRAIN: f64 = 14.0;
@@ -129,7 +129,7 @@ pub(super) fn pour(
     if is_all { Ok(laid) } else { Err(too_narrow(size)) }
 }
 
-/// As [`pour`], but what finds no place is left out: cribs may be narrower than grains, and stay as they are then.
+/// Lays grains like [`pour`], but leaves out those without a place: cribs may be narrower than grains.
 pub(super) fn pour_where_it_fits(
     height_map: &mut HeightMap,
     templates: &Templates,
@@ -141,7 +141,7 @@ pub(super) fn pour_where_it_fits(
     pour_until(MAX_CONSECUTIVE_FAILURES, height_map, templates, shapes, size, volume, rng).0
 }
 
-/// Lays grains until `volume` of them lies, or until so many in a row find no place; and whether all lies.
+/// Lays grains until `volume` of them lies, or until `misses` in a row find no place; returns false in the latter case.
 fn pour_until(
     misses: usize,
     height_map: &mut HeightMap,

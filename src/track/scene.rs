@@ -11,6 +11,7 @@ use crate::math::{Pose, Vec3};
 use crate::model::{DrivenBody, Model, Mount, Role};
 use crate::state::State;
 use crate::track::plan::{Plan, SleeperPlan, TinePlan};
+use std::sync::Arc;
 
 /// The model of a run and its start: the bed, and the tines clear above it.
 ///
@@ -40,7 +41,8 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     run_settings(plan, &mut model);
     state.step = 0;
     state.time_ns = 0;
-    state.drive.clear();
+    state.window = Arc::default();
+    state.driver = Arc::default();
     state.energy = integrate::open_ledger(&model, &state);
     Ok((model, state))
 }
@@ -96,7 +98,7 @@ pub(super) fn run_settings(plan: &Plan, model: &mut Model) {
     model.solver = plan.run.solver;
 }
 
-/// Where a sleeper stands.
+/// Returns the pose of a sleeper before the lift.
 pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan) -> Pose {
     Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth))
 }

@@ -35,7 +35,7 @@ impl DepositStage {
     }
 }
 
-/// Where the preparation stands after a step.
+/// Progress of the preparation after a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepositProgress {
     pub stage: DepositStage,
@@ -45,7 +45,7 @@ pub struct DepositProgress {
     pub most_steps: u64,
     pub grains: usize,
     pub contacts: usize,
-    /// Of the grains, and what counts as rest, m/s.
+    /// Mean speed of the grains, and the speed that counts as rest, m/s.
     pub mean_speed: f64,
     pub rest_speed: f64,
     /// m.
@@ -53,7 +53,7 @@ pub struct DepositProgress {
     pub max_penetration: f64,
 }
 
-/// How a stage is run.
+/// Settings of a stage.
 pub(super) struct Settling {
     pub stage: DepositStage,
     pub stepping: Stepping,

@@ -1,4 +1,4 @@
-//! Which tines of a plan squeeze together, and over which time their motion is averaged.
+//! Squeeze rule of a plan: its tine pairs, and the period over which their motion is averaged.
 //!
 //! Reads: the plan, the model that holds its tines. Writes: nothing.
 
@@ -8,7 +8,7 @@ use crate::model::Model;
 use crate::observe::{SqueezePair, SqueezeRule};
 use crate::track::plan::{Plan, TampingPlan};
 
-/// Where the case has no vibration, whose period would be known, s: about that of 35 Hz, the frequency of tamping machines.
+/// Averaging period of a case without vibration, s: about that of 35 Hz, the frequency of tamping machines.
 const DEFAULT_PERIOD: f64 = 0.028;
 
 /// The tine pairs of a plan, `pair_0` and so on by their numbers; whoever moves them, their squeezes are followed.

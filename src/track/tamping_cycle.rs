@@ -1,18 +1,18 @@
 //! The machine's motion: lift, insertion, squeeze, hold, withdrawal with release.
 //!
 //! Reads: plan, model, state; reactions of the tines. Writes: targets of the driven bodies, and the
-//! drive's memory (see `machine_control`).
+//! [`TampingState`].
 //! Contract: positions and velocities are continuous through the whole cycle. Targets are rigid translations; a tine on
 //! a springy shaft follows its target as its mount lets it (T-28).
 
 use super::clearance;
 use super::deposit::MAX_TRIMMED_PROTRUSION;
-use super::machine_control::{MachineControl, TinePair, tine_index};
+use super::machine_control::{MachineControl, TampingState, TinePair, tine_index};
 use super::motion_law::{smooth_step, travel};
 use crate::error::{Error, Result};
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
-use crate::state::State;
+use crate::state::{DriverState, State};
 use crate::step::StepReport;
 use crate::track::plan::{Plan, TampingPlan};
 
@@ -20,12 +20,12 @@ use crate::track::plan::{Plan, TampingPlan};
 const FADE_PERIODS: f64 = 3.0;
 /// Least clearance of tines without a cycle, m: that of the cases that have one and do not say it.
 const IDLE_CLEARANCE: f64 = 0.02;
-/// How far grains may stick out of a prepared bed, in mean grain sizes: after trimming one may rise while the bed comes to rest.
+/// Maximum protrusion of grains above a prepared bed, in mean grain sizes: one may rise while the trimmed bed settles.
 pub const MAX_PROTRUSION: f64 = MAX_TRIMMED_PROTRUSION + 0.25;
 /// Fewer steps per period of the vibration would alias the sine into another motion.
 pub const MIN_STEPS_PER_PERIOD: f64 = 8.0;
 
-/// Where in the cycle a moment lies.
+/// Phase of a tamping cycle.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum TampingPhase {
     /// Before the cycle starts.
@@ -94,24 +94,29 @@ struct Lifted {
     rest: Vec3,
 }
 
-/// The way of a tine through the cycle.
+/// Path of a tine through the cycle.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TinePath {
     /// Index among the driven bodies.
     pub body: usize,
     /// Index into [`TampingCycle::pairs`].
     pub pair: usize,
-    /// Of its squeeze along x: 1 or -1.
+    /// Direction of its squeeze along x: 1 or -1.
     pub direction: f64,
-    /// Where its reference point is before the cycle, m.
+    /// Position of its reference point before the cycle, m.
     pub start: Vec3,
     /// Height of the reference point at full depth, m.
     pub deep: f64,
-    /// How far it closes, m.
+    /// Closing distance, m.
     pub stroke: f64,
 }
 
 impl TampingCycle {
+    /// Kind of the encoded state.
+    pub const KIND: &str = "tamping_cycle";
+    /// Version of the encoded state.
+    const VERSION: u32 = 1;
+
     /// The cycle of `plan` for a model that holds the plan's sleepers and tines.
     ///
     /// # Errors
@@ -140,21 +145,27 @@ impl TampingCycle {
     /// does not move stays where it is.
     ///
     /// `out` is overwritten `[nd]`.
-    pub fn targets(&self, model: &Model, state: &State, out: &mut Vec<Pose>) {
+    pub fn targets(
+        &self,
+        model: &Model,
+        state: &State,
+        tamping: &TampingState,
+        out: &mut Vec<Pose>,
+    ) {
         out.clear();
         out.extend((0..model.driven.len()).map(|d| state.imposed(model, d)));
-        self.place(model, state.time_ns, &state.drive, |body, position| {
+        self.positions(model, state.time_ns, tamping, |body, position| {
             out[body].position = position;
         });
     }
 
-    /// Tells `set` where each body that the cycle moves is at the end of the step that starts at `time_ns`:
-    /// its index among the driven bodies, and its position (m). `drive` is the memory of the machine.
-    pub fn place(
+    /// Calls `set` for each body that the cycle moves, with its index among the driven bodies and its position (m) at
+    /// the end of the step that starts at `time_ns`.
+    pub fn positions(
         &self,
         model: &Model,
         time_ns: u64,
-        drive: &[f64],
+        tamping: &TampingState,
         mut set: impl FnMut(usize, Vec3),
     ) {
         let Some(machine) = &self.machine else { return };
@@ -165,26 +176,49 @@ impl TampingCycle {
         }
         let h = model.stepping.h();
         let [inserting, squeezing] = machine.since(end);
-        let lowered = machine.control.lowered_next(drive, inserting, h);
+        let lowered = machine.control.lowered_next(tamping, inserting, h);
         for tine in &machine.tines {
-            let squeezed = machine.control.squeezed_next(drive, tine.pair, squeezing, h);
+            let squeezed = machine.control.squeezed_next(tamping, tine.pair, squeezing, h);
             set(tine.body, machine.tine_position(tine, end, lowered, squeezed));
         }
     }
 
-    /// Takes the reactions of the step that has just led to `state` into the memory of the machine, which
-    /// is that state's `drive` or kept beside it.
+    /// Takes the reactions of the step that has just led to `state` into the state of the cycle.
     pub fn observe(
         &self,
         model: &Model,
         report: &StepReport,
         state: &State,
-        memory: &mut Vec<f64>,
+        tamping: &mut TampingState,
     ) {
         let Some(machine) = &self.machine else { return };
         let since = machine.since(clock(state.time_ns));
         let h = model.stepping.h();
-        machine.control.observe(memory, report, state.step, since, h);
+        machine.control.observe(tamping, report, state.step, since, h);
+    }
+
+    /// Encodes the state of the cycle for checkpoints.
+    pub fn encode(&self, tamping: &TampingState) -> DriverState {
+        let control = self.machine.as_ref().map(|m| &m.control);
+        let values = control.map_or_else(Vec::new, |control| control.encode(tamping));
+        DriverState { kind: Self::KIND.into(), version: Self::VERSION, values }
+    }
+
+    /// Decodes a state of the cycle; that of no driver is the state before the first step.
+    ///
+    /// # Errors
+    /// [`Error::State`] for a state of another driver, or of another cycle.
+    pub fn decode(&self, saved: &DriverState) -> Result<TampingState> {
+        let values = saved.values_of(Self::KIND, Self::VERSION)?.unwrap_or_default();
+        match &self.machine {
+            Some(machine) => machine.control.decode(values),
+            None if values.is_empty() => Ok(TampingState::default()),
+            None => Err(Error::State {
+                place: "driver state".into(),
+                expected: "no values: the case has no tamping".into(),
+                found: values.len().to_string(),
+            }),
+        }
     }
 
     /// Phase at a time of the run, s.
@@ -216,34 +250,19 @@ impl TampingCycle {
         self.machine.as_ref().map_or(&[], |m| &m.control.pairs)
     }
 
-    /// How far each side of pair `p` (index into [`Self::pairs`]) has closed before the withdrawal, m.
-    pub fn closing(&self, state: &State, p: usize) -> f64 {
-        self.machine.as_ref().map_or(0.0, |m| m.closing(m.control.squeezed(&state.drive, p)))
+    /// Closing of each side of pair `p` (index into [`Self::pairs`]) before the withdrawal, m.
+    pub fn closing(&self, tamping: &TampingState, p: usize) -> f64 {
+        self.machine.as_ref().map_or(0.0, |m| m.closing(m.control.squeezed(tamping, p)))
     }
 
-    /// How far the tines have been lowered towards their full depth before the withdrawal, 0 to 1.
-    pub fn insertion(&self, state: &State) -> f64 {
-        self.machine.as_ref().map_or(0.0, |m| m.depth(m.control.lowered(&state.drive)))
+    /// Fraction of the way down to full depth before the withdrawal, 0 to 1.
+    pub fn insertion(&self, tamping: &TampingState) -> f64 {
+        self.machine.as_ref().map_or(0.0, |m| m.depth(m.control.lowered(tamping)))
     }
 
     /// Mean force of pair `p` over the last vibration period, N.
-    pub fn mean_force(&self, state: &State, p: usize) -> f64 {
-        self.machine.as_ref().map_or(0.0, |m| m.control.mean_force(&state.drive, p))
-    }
-
-    /// Refuses a restored memory (a state's `drive`) that is not that of this cycle.
-    ///
-    /// An empty memory is that of a run that has not begun.
-    pub fn check_memory(&self, memory: &[f64]) -> Result<()> {
-        let expected = self.machine.as_ref().map_or(0, |m| m.control.memory_len());
-        if memory.is_empty() || memory.len() == expected {
-            return Ok(());
-        }
-        Err(Error::State {
-            place: "memory of the drive".into(),
-            expected: format!("{expected} values, or none before the first step"),
-            found: memory.len().to_string(),
-        })
+    pub fn mean_force(&self, tamping: &TampingState, p: usize) -> f64 {
+        self.machine.as_ref().map_or(0.0, |m| m.control.mean_force(tamping, p))
     }
 }
 
@@ -335,7 +354,7 @@ fn driven_tines(
     plan.tines.iter().map(tine).collect()
 }
 
-/// Where a tine's reference point is before the cycle: its blade clear of the bed, m.
+/// Returns the position of a tine's reference point before the cycle, with its blade clear of the bed, m.
 pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 {
     // Whoever drives the tines instead of a cycle begins above the grains that stick out.
     let idle = || IDLE_CLEARANCE.max(MAX_PROTRUSION * plan.bed.grains.mean_size());
@@ -392,7 +411,7 @@ fn check_numbers(plan: &TampingPlan) -> Result<()> {
     Ok(())
 }
 
-/// Whether there are steps enough, where something swings.
+/// Refuses time steps that are too long for the period of the vibration.
 fn check_period(plan: &Plan, tamping: &TampingPlan, model: &Model) -> Result<()> {
     let Some(period) = tamping.vibration.period().filter(|_| !plan.tines.is_empty()) else {
         return Ok(());

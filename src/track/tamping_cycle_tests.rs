@@ -1,8 +1,11 @@
 use super::*;
 use crate::model::Role;
+use crate::state::DriverState;
 use crate::step::Reaction;
+use crate::track::TampingState;
 use crate::track::test_plan::small_plan as plan;
 use crate::track::{sleeper::sleeper, tine::tine};
+use std::sync::Arc;
 
 /// Sleeper and tines without grains; driven body 0 is a wall that must not move.
 fn model(plan: &Plan) -> (Model, State) {
@@ -58,7 +61,8 @@ fn one_step(
     resistance: &impl Fn(f64) -> [f64; 2],
 ) {
     let h = model.stepping.h();
-    cycle.targets(model, state, targets);
+    let mut tamping = decoded(cycle, state);
+    cycle.targets(model, state, &tamping, targets);
     for (b, target) in targets.iter().enumerate() {
         state.velocity[b] = (target.position - state.position[b]) / h;
         state.position[b] = target.position;
@@ -70,9 +74,12 @@ fn one_step(
     reactions[2].impulse = Vec3::new(-closing, 0.0, upwards);
     reactions[3].impulse = Vec3::new(closing, 0.0, upwards);
     let report = StepReport { reactions, ..Default::default() };
-    let mut memory = std::mem::take(&mut state.drive);
-    cycle.observe(model, &report, state, &mut memory);
-    state.drive = memory;
+    cycle.observe(model, &report, state, &mut tamping);
+    state.driver = Arc::new(cycle.encode(&tamping));
+}
+
+fn decoded(cycle: &TampingCycle, state: &State) -> TampingState {
+    cycle.decode(&state.driver).unwrap()
 }
 
 #[test]
@@ -188,7 +195,7 @@ fn the_cycle_goes_where_the_plan_says() {
                 assert!((state.position[2].z - 0.28).abs() < 1e-12, "at depth");
             }
             if phase == TampingPhase::Hold && t > 1.55 {
-                assert!((cycle.closing(state, 0) - 0.06).abs() < 1e-9, "stroke");
+                assert!((cycle.closing(&decoded(cycle, state), 0) - 0.06).abs() < 1e-9, "stroke");
             }
         },
     );
@@ -202,7 +209,8 @@ fn a_pair_stops_above_its_force_limit_and_goes_on_below() {
     let mut closings = Vec::new();
     let resistance = |t: f64| [if t > 1.0 && t < 1.2 { 9000.0 } else { 5000.0 }, 0.0];
     run(&plan(), resistance, |cycle, state| {
-        closings.push((state.time(), cycle.closing(state, 0), cycle.mean_force(state, 0)));
+        let tamping = decoded(cycle, state);
+        closings.push((state.time(), cycle.closing(&tamping, 0), cycle.mean_force(&tamping, 0)));
     });
     let at = |t: f64| closings.iter().find(|c| c.0 >= t - 1e-9).unwrap();
     assert!((at(0.95).2 - 5000.0).abs() < 1e-6, "steady mean: {}", at(0.95).2);
@@ -219,7 +227,7 @@ fn the_unit_goes_down_no_further_while_the_bed_carries_it() {
     let mut depths = Vec::new();
     let resistance = |t: f64| [0.0, if t > 0.4 && t < 0.6 { 8500.0 } else { 5000.0 }];
     let end = run(&plan(), resistance, |cycle, state| {
-        depths.push((state.time(), cycle.insertion(state), state.position[2].z));
+        depths.push((state.time(), cycle.insertion(&decoded(cycle, state)), state.position[2].z));
     });
     let at = |t: f64| depths.iter().find(|d| d.0 >= t - 1e-9).unwrap();
     // The mean passes 8 kN after 86 % of a period; one period more to brake.
@@ -243,14 +251,19 @@ fn a_restored_run_continues_bit_for_bit() {
     let (model, _) = model(&plan);
     let cycle = TampingCycle::new(&plan, &model).unwrap();
     let mut state = kept.unwrap();
-    cycle.check_memory(&state.drive).unwrap();
     let mut targets = Vec::new();
     while state.step < end.step {
         one_step(&cycle, &model, &mut state, &mut targets, &resistance);
     }
     assert_eq!(state, end);
-    state.drive.pop();
-    assert!(cycle.check_memory(&state.drive).is_err());
+    let mut other = (*state.driver).clone();
+    other.values.pop();
+    assert!(cycle.decode(&other).is_err());
+    assert!(
+        cycle.decode(&DriverState { kind: "other".into(), ..(*state.driver).clone() }).is_err()
+    );
+    assert!(cycle.decode(&DriverState { version: 99, ..(*state.driver).clone() }).is_err());
+    assert_eq!(cycle.decode(&DriverState::default()).unwrap(), TampingState::default());
 }
 
 #[test]
@@ -305,7 +318,7 @@ fn without_tamping_nothing_moves() {
     plan.tamping = None;
     let cycle = TampingCycle::new(&plan, &model).unwrap();
     let mut targets = Vec::new();
-    cycle.targets(&model, &state, &mut targets);
+    cycle.targets(&model, &state, &TampingState::default(), &mut targets);
     for (b, target) in targets.iter().enumerate() {
         assert_eq!(*target, state.pose(b));
     }

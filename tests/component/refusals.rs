@@ -1,9 +1,7 @@
 //! Requests that are refused: with a code, the place, and nothing changed.
 
 use crate::{FLOOR, MS, floor, floor_knot, heap, shaken};
-use ballast::component::{
-    Component, Interpolation, Knot, Limits, MotionInput, Refusal, Twist, left_twist,
-};
+use ballast::component::{Component, Interpolation, Knot, Limits, MotionInput, Refusal, Twist};
 use ballast::math::{Quat, Vec3, rotation};
 
 /// A good window to 50 ms, changed into a bad one; the refusal.
@@ -89,7 +87,7 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
         component.twist(d),
         Some(Twist { velocity: last.velocity, angular_velocity: last.angular_velocity })
     );
-    assert_eq!(component.twist(d), left_twist(&component.save(), d));
+    assert_eq!(component.twist(d), component.save().end_twist(d));
     let stopped = component.advance_to(40 * MS, &[]).expect_err("it moves");
     check(&stopped, "input_jump", &[FLOOR, "moving"]);
     let mut jerked = shaken(rest, 30 * MS, 40 * MS);

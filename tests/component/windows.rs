@@ -122,7 +122,7 @@ fn restored_and_forked_are_never_interrupted() {
     shake(&mut component, rest, 100, 60);
     assert_eq!(component.save(), end, "restored");
     // A state that another drive has left knows no twists of the last window; the motion goes on.
-    let foreign = ballast::state::State { drive: vec![0.1], ..(*kept).clone() };
+    let foreign = ballast::state::State { window: Default::default(), ..(*kept).clone() };
     let mut other = heap(Limits::default());
     other.restore(foreign).expect("a state of this model");
     shake(&mut other, rest, 100, 60);

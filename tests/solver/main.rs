@@ -26,7 +26,7 @@ fn bits(state: &State) -> Vec<u64> {
         v.iter().for_each(|&x| add(x));
     }
     state.orientation.iter().flat_map(|q| q.coords.iter()).for_each(|&x| add(x));
-    state.drive.iter().for_each(|&x| add(x));
+    state.driver.values.iter().for_each(|&x| add(x));
     let memory = &state.contacts;
     for v in [&memory.local_point, &memory.impulse].into_iter().flatten() {
         v.iter().for_each(|&x| add(x));

@@ -4,21 +4,21 @@ use super::check::{CheckFinding, CheckVerdict, DEFAULT_DIGITS, ValidationCheck, 
 use super::samples_progress::map_parallel;
 use super::suite_size::SuiteSize;
 use super::{check_interrupt, listed};
+use ballast::component::{Component, Session};
 use ballast::model::Role;
 use ballast::observe::Coordination;
 use ballast::track;
-use ballast::workspace::Workspace;
 use ballast_report::plot::{Chart, SeriesStyle};
 use ballast_session::Reporter;
 use ballast_session::beds;
 use ballast_session::case::{self, Case, CaseOverrides};
-use ballast_session::machine::{self, CycleStepper};
-use ballast_session::profile::Profile;
+use ballast_session::driver::{self, RunObserver, tamping_driver};
 use ballast_session::record::{self, Column};
 use ballast_session::recorder::compactness;
 use ballast_session::summary::{RunSummary, SummarySettings};
 use ballast_session::{Failure, Result};
 use std::path::Path;
+use std::sync::Arc;
 
 const SMALL: &str = include_str!("cycle.toml");
 const FIRST: &str = include_str!("../../examples/first.toml");
@@ -65,30 +65,32 @@ fn run(
     let mut case = on_bed(case, settings.seed);
     case.plan.run.stepping.step_ns = settings.step_ns;
     case.plan.run.solver.max_iterations = settings.iterations;
-    let (model, mut state) = beds::scene_without_progress(&case, folder, console)?;
-    let cycle = machine::cycle(&case, &model, &state)?;
+    let (model, state) = beds::scene_without_progress(&case, folder, console)?;
+    let driver = tamping_driver(&case, &model, &state)?;
     let setting = SummarySettings::for_case(&case, &model);
     let mut summary = RunSummary::new(setting.clone());
-    let machine = CycleStepper::new(cycle, &model);
-    let mut workspace = Workspace::default();
-    let mut watch = Profile::start();
+    let component = case::component(&case, Arc::new(model), state)?;
+    let mut session = Session::new(component, driver);
+    let mut observer = RunObserver::start();
     let zones = track::zones(&case.plan);
-    summary.take_zones(&compactness(&model, &state, &zones));
+    let measure = |component: &Component| compactness(component.model(), component.state(), &zones);
+    summary.take_zones(&measure(session.component()));
     for _ in 0..case.steps() {
-        let stepped = machine.step(&model, &mut state, &mut workspace, &mut watch);
+        let stepped = driver::step(&mut session, &mut observer, |_, text| Failure::Failed(text));
         // Also within the step.
         check_interrupt()?;
-        let (report, _) = stepped?;
+        let Some((_, report)) = stepped? else { break };
+        let (model, state) = (session.component().model(), session.component().state());
         summary.take_step(&record::row(
             model.stepping.h(),
-            &state,
+            state,
             &report,
-            machine.cycle.phase(state.time()),
+            session.driver().cycle().phase(state.time()),
             &Coordination::default(),
             &setting.tracked,
         ));
     }
-    summary.take_zones(&compactness(&model, &state, &zones));
+    summary.take_zones(&measure(session.component()));
     let tines: Vec<f64> = (setting.tracked.iter().zip(&summary.bodies))
         .filter(|(tracked, _)| tracked.role == Role::Tine)
         .map(|(_, body)| body.squeeze.single.mean())

@@ -3,7 +3,6 @@
 use crate::case::PyCase;
 use crate::errors;
 use crate::local::LocalBackend;
-use crate::machine::Machine;
 use crate::remote::RemoteBackend;
 use crate::simulation::PySimulation;
 use crate::state::{LocalState, PyState};
@@ -80,12 +79,10 @@ pub fn _open(
     };
     let scene = py.detach(|| ballast_beds::scene(&case.0.plan, bed));
     let (model, state) = scene.map_err(|e| errors::bed(py, e))?;
-    let machine = Machine::new(&case.0.plan, &model).map_err(|e| errors::case(py, e))?;
     let start = LocalState {
         model: Arc::new(model),
         state: Arc::new(state),
         case: Arc::clone(&case.0),
-        machine,
         max_penetration: None,
     };
     let threads = ThreadPoolHandle::new(py, threads)?;

@@ -16,8 +16,6 @@ mod info;
 mod inputs;
 mod local;
 mod lock;
-mod machine;
-mod recorder;
 mod recording;
 mod remote;
 mod result;

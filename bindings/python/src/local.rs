@@ -4,23 +4,23 @@ use crate::backend::{Backend, LastResult, WindowSpec};
 use crate::calls::CallState;
 use crate::errors;
 use crate::lock::lock;
-use crate::machine::Machine;
-use crate::recorder::Recorder;
 use crate::result::PyWindowResult;
 use crate::state::{LocalState, PyState, StateStorage};
 use crate::threads::{TaskControl, ThreadPoolHandle, run_controlled};
 use ballast::component::{
-    self, Component, Limits, Parameters, Refusal, StopReason, WindowResult, WindowStatus,
-    ZoneResult,
+    self, Component, DrivenWindow, Limits, Parameters, Refusal, StopReason, TampingDriver,
+    WindowInputs, WindowInputsRef, WindowResult, WindowStatus, ZoneResult,
 };
 use ballast::model::{Model, Solver};
 use ballast::state;
 use ballast::step::{StepObserver, StepReport};
-use ballast::track;
 use ballast::track::plan::TampingPlan;
+use ballast::track::{self, TampingCycle};
 use ballast_beds::Case;
+use ballast_mcap::Drive;
 use ballast_protocol::lockstep::ParameterUpdate;
 use ballast_protocol::messages::StepSeries;
+use ballast_session::run_recorder::RunRecorder;
 use pyo3::prelude::*;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -41,12 +41,11 @@ pub struct SharedContext {
 pub struct LocalBackend {
     context: SharedContext,
     component: Component,
-    recorder: Option<Recorder>,
+    recorder: Option<RunRecorder>,
     /// Reason why the recording ended early, until `stop_recording` reports it.
     recording_error: Option<String>,
-    machine: Machine,
-    /// Tamping cycle before the last window.
-    machine_before: Option<Machine>,
+    /// Tamping cycle of the case; its state is part of the component's.
+    driver: TampingDriver,
     /// Message of the panic that made the simulation unusable.
     failure: Option<String>,
     calls: Arc<CallState>,
@@ -55,9 +54,11 @@ pub struct LocalBackend {
     pub panics: bool,
 }
 
+/// Result of a window, with its inputs if the tamping cycle gave them.
+type ComputedWindow = (Option<WindowInputs>, WindowResult);
+
 /// Data collected while a window is computed.
 struct WindowData {
-    machine: Machine,
     series: Option<StepSeries>,
     wall_time: Duration,
 }
@@ -70,7 +71,7 @@ impl LocalBackend {
         limits: Limits,
         threads: ThreadPoolHandle,
     ) -> PyResult<Self> {
-        let LocalState { model, state, case, machine, .. } = start;
+        let LocalState { model, state, case, .. } = start;
         let component = case
             .component(Arc::clone(model), Arc::clone(state), limits)
             .map_err(|e| errors::refusal(py, e))?;
@@ -80,17 +81,17 @@ impl LocalBackend {
             names: model.driven.iter().map(|d| d.name.clone()).collect(),
             threads,
         };
-        Ok(Self::with_component(context, component, machine.clone()))
+        let cycle = TampingCycle::new(&case.plan, model).map_err(|e| errors::case(py, e))?;
+        Ok(Self::with_component(context, component, TampingDriver::new(cycle)))
     }
 
-    fn with_component(context: SharedContext, component: Component, machine: Machine) -> Self {
+    fn with_component(context: SharedContext, component: Component, driver: TampingDriver) -> Self {
         Self {
             context,
             component,
             recorder: None,
             recording_error: None,
-            machine,
-            machine_before: None,
+            driver,
             failure: None,
             calls: Arc::default(),
             last_result: LastResult::default(),
@@ -114,8 +115,8 @@ impl LocalBackend {
         &self.component
     }
 
-    pub fn machine(&self) -> &Machine {
-        &self.machine
+    pub fn cycle(&self) -> &TampingCycle {
+        self.driver.cycle()
     }
 
     fn check_usable(&self, py: Python<'_>) -> PyResult<()> {
@@ -133,41 +134,51 @@ impl LocalBackend {
         let SharedContext { case, model, threads, .. } = &self.context;
         let zones = track::zones(&case.plan);
         let state = self.component.state();
-        threads.run(py, || component::measure(model, state, &zones))
+        threads.run(py, || component::measure_zones(model, state, &zones))
     }
 
     /// Returns the request of one step of the case's tamping cycle.
     pub fn tamping_cycle_step(&self, record_steps: bool, zones: bool) -> WindowSpec {
         let model = &self.context.model;
-        let state = self.component.state();
         WindowSpec {
-            motions: self.machine.motions(model, state),
+            motions: Vec::new(),
             loads: Vec::new(),
-            t1_ns: Some(state.time_ns + model.stepping.step_ns),
+            t1_ns: Some(self.component.now_ns() + model.stepping.step_ns),
             by_tamping_cycle: true,
             record_steps,
             zones,
         }
     }
 
-    /// Computes a window; returns its outcome and the exception that was raised meanwhile.
+    /// Computes a window; returns its outcome, with the inputs of the tamping cycle, and the exception that was raised
+    /// meanwhile.
     fn compute(
         &mut self,
         py: Python<'_>,
         spec: &WindowSpec,
         data: &mut WindowData,
-    ) -> PyResult<(Result<WindowResult, Refusal>, Option<PyErr>)> {
-        let SharedContext { model, threads, .. } = &self.context;
+    ) -> PyResult<(Result<ComputedWindow, Refusal>, Option<PyErr>)> {
+        let threads = &self.context.threads;
         let panics = std::mem::take(&mut self.panics);
         let component = &mut self.component;
+        let driver = &mut self.driver;
         let control = TaskControl::with_flag(Arc::clone(&self.calls.cancelled));
         run_controlled(py, threads, &control, |control| {
-            let by_tamping_cycle = spec.by_tamping_cycle;
-            let mut observer = WindowObserver { data, model, by_tamping_cycle, panics, control };
+            let mut observer = WindowObserver { data, panics, control };
             let begin = Instant::now();
             let result = match spec.t1_ns {
-                Some(t1) => component.advance_observed(t1, spec.window(), &mut observer),
-                None => component.redo_observed(spec.window(), &mut observer),
+                Some(t1) if spec.by_tamping_cycle => component
+                    .advance_driven(t1, driver, &mut observer)
+                    .map(|window| window.expect("the cycle has inputs for every step"))
+                    .map(|DrivenWindow { inputs, result }| (Some(inputs), result)),
+                Some(t1) => {
+                    let result = component.advance_observed(t1, spec.window(), &mut observer);
+                    result.map(|result| (None, result))
+                }
+                None => {
+                    let result = component.redo_observed(spec.window(), &mut observer);
+                    result.map(|result| (None, result))
+                }
             };
             observer.data.wall_time = begin.elapsed();
             result
@@ -179,11 +190,13 @@ impl LocalBackend {
         &mut self,
         py: Python<'_>,
         spec: &WindowSpec,
+        driven: Option<&WindowInputs>,
         outcome: &WindowResult,
     ) -> PyResult<()> {
         let Some(recorder) = &mut self.recorder else { return Ok(()) };
         let component = &self.component;
-        let record = || recorder.window(component, spec.kind(), &spec.window(), outcome);
+        let inputs = driven.map_or_else(|| spec.window(), WindowInputsRef::from);
+        let record = || recorder.window(component, spec.kind(), inputs, outcome);
         py.detach(record).or_else(|why| {
             self.recorder = None;
             self.recording_error = Some(why.to_string());
@@ -207,11 +220,11 @@ impl LocalBackend {
     pub fn fork(&self, py: Python<'_>) -> PyResult<Self> {
         self.check_usable(py)?;
         let component = self.component.fork();
-        let fork = Self::with_component(self.context.clone(), component, self.machine.clone());
+        let fork = Self::with_component(self.context.clone(), component, self.driver.clone());
         // The fork can redo the last window, too.
         *lock(&fork.last_result) =
             lock(&self.last_result).as_ref().map(|result| result.clone_ref(py));
-        Ok(Self { machine_before: self.machine_before.clone(), ..fork })
+        Ok(fork)
     }
 
     pub fn record(&mut self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
@@ -222,7 +235,7 @@ impl LocalBackend {
         }
         let case = &self.context.case;
         let component = &self.component;
-        let recorder = py.detach(|| Recorder::create(path, case, component));
+        let recorder = py.detach(|| RunRecorder::create(&path, case, component, Drive::Inputs));
         self.recorder = Some(recorder.map_err(|e| errors::file(py, e))?);
         Ok(())
     }
@@ -262,35 +275,28 @@ impl Backend for LocalBackend {
         self.check_usable(py)?;
         self.context.threads.check_available(py)?;
         if let Some(recorder) = &self.recorder {
-            recorder.check_process(py, "window")?;
+            check_process(py, recorder, "window")?;
             if spec.t1_ns.is_none() {
-                recorder.check_redo(py, &self.component)?;
+                check_redo(py, recorder, &self.component)?;
             }
         }
         let before = self.component.save();
-        let machine_before = match (&spec.t1_ns, &self.machine_before) {
-            (None, Some(machine)) => machine.clone(),
-            _ => self.machine.clone(),
-        };
         let mut data = WindowData {
-            machine: machine_before.clone(),
             series: spec.record_steps.then(|| StepSeries::new(&self.context.model)),
             wall_time: Duration::ZERO,
         };
         let computed = self.compute(py, spec, &mut data);
         let (result, raised) = computed.inspect_err(|error| self.fail(py, error, &before))?;
-        let mut outcome = match (result, raised.as_ref()) {
+        let (driven, mut outcome) = match (result, raised.as_ref()) {
             (Ok(outcome), _) => outcome,
             (Err(_), Some(raised)) => return Err(raised.clone_ref(py)),
             (Err(e), None) => return Err(errors::refusal(py, e)),
         };
         let is_discarded = outcome.status == WindowStatus::Discard;
-        self.machine = if is_discarded { machine_before.clone() } else { data.machine };
-        self.machine_before = Some(machine_before);
         if spec.zones && !is_discarded {
             outcome.zones = self.zones(py)?;
         }
-        let recorded = self.record_window(py, spec, &outcome);
+        let recorded = self.record_window(py, spec, driven.as_ref(), &outcome);
         // A window without steps, such as one that was rolled back, has an empty series.
         let series = data.series.filter(|_| outcome.steps > 0).unwrap_or_default();
         let mut reply = PyWindowResult::reply(&self.context.model, &outcome, series);
@@ -316,7 +322,6 @@ impl Backend for LocalBackend {
             model: self.component.shared_model(),
             state: self.component.save(),
             case: Arc::clone(&self.context.case),
-            machine: self.machine.clone(),
             max_penetration: Some(self.component.limits().penetration),
         })))
     }
@@ -344,8 +349,6 @@ impl Backend for LocalBackend {
             .map_err(|e| errors::refusal(py, e))?;
         self.failure = None;
         *lock(&self.last_result) = None;
-        self.machine = saved.machine.clone();
-        self.machine_before = None;
         Ok(())
     }
 
@@ -367,8 +370,8 @@ impl Backend for LocalBackend {
             return Err(errors::file(py, why));
         }
         let Some(recorder) = self.recorder.take() else { return Ok(()) };
-        recorder.check_process(py, "stop_recording")?;
-        py.detach(|| recorder.finish()).map_err(|e| errors::file(py, e))
+        check_process(py, &recorder, "stop_recording")?;
+        py.detach(|| recorder.finish()).map(drop).map_err(|e| errors::file(py, e))
     }
 
     fn close(mut self: Box<Self>, py: Python<'_>) -> PyResult<()> {
@@ -376,11 +379,30 @@ impl Backend for LocalBackend {
     }
 }
 
+/// Checks that this process started the recording.
+fn check_process(py: Python<'_>, recorder: &RunRecorder, place: &str) -> PyResult<()> {
+    if recorder.is_of_this_process() {
+        return Ok(());
+    }
+    let expected = "the process that started the recording; open the case or a saved state again";
+    Err(errors::request(py, "recording", place, expected, "a fork of it"))
+}
+
+/// Checks that the recording contains the window that a redo replaces.
+fn check_redo(py: Python<'_>, recorder: &RunRecorder, component: &Component) -> PyResult<()> {
+    let start = recorder.begin_ns();
+    match component.last_window() {
+        Some([t0, _]) if t0 < start => {
+            let expected = format!("a window of the recording, which starts at {start} ns");
+            Err(errors::request(py, "recording", "redo", expected, format!("one from {t0} ns")))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Observes the steps of a window and cancels it.
 struct WindowObserver<'a, 't> {
     data: &'a mut WindowData,
-    model: &'a Model,
-    by_tamping_cycle: bool,
     panics: bool,
     control: &'a TaskControl<'t>,
 }
@@ -398,9 +420,6 @@ impl StepObserver for WindowObserver<'_, '_> {
         assert!(!self.panics, "panic requested by a test");
         if let Some(series) = &mut self.data.series {
             series.push(state, report);
-        }
-        if self.by_tamping_cycle {
-            self.data.machine.observe(self.model, state, report);
         }
         if self.control.is_cancelled() {
             return ControlFlow::Break(StopReason::Early);

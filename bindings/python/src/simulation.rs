@@ -215,7 +215,7 @@ impl PySimulation {
     #[getter]
     fn phase(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.with_local(py, "phase", |local| {
-            Ok(local.machine().phase(local.component().state().time()).name())
+            Ok(local.cycle().phase(local.component().state().time()).name())
         })
     }
 
@@ -223,7 +223,7 @@ impl PySimulation {
     #[getter]
     fn tines(&self, py: Python<'_>) -> PyResult<Vec<PyTine>> {
         self.with_local(py, "tines", |local| {
-            let cycle = local.machine().cycle();
+            let cycle = local.cycle();
             let tine = |path: &TinePath| PyTine {
                 name: self.info.names[path.body].clone(),
                 pair: cycle.pairs()[path.pair].number,

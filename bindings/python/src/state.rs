@@ -4,8 +4,7 @@ use crate::arrays::{self, Matrix, Packed, Vector};
 use crate::case;
 use crate::errors;
 use crate::lock::lock;
-use crate::machine::Machine;
-use ballast::component::{Twist, left_twist};
+use ballast::component::Twist;
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state;
@@ -45,7 +44,6 @@ pub struct LocalState {
     pub model: Arc<Model>,
     pub state: Arc<state::State>,
     pub case: Arc<Case>,
-    pub machine: Machine,
     /// Penetration limit of the simulation that saved the state, m; files of `ballast run` have none.
     pub max_penetration: Option<f64>,
 }
@@ -73,8 +71,6 @@ impl Drop for RemoteState {
     }
 }
 
-/// Checkpoint note with the memory of the tamping cycle: numbers whose text converts back to the same bits.
-const MACHINE_NOTE: &str = "machine";
 /// Checkpoint note with the penetration limit, m; infinite: no limit.
 const PENETRATION_NOTE: &str = "max_penetration";
 
@@ -102,18 +98,6 @@ impl LocalState {
         let choices = CaseOverrides::from_notes(&checkpoint.extra)
             .map_err(|e| errors::file(py, format!("{name}: {e}")))?;
         let case = case::read(py, checkpoint.case_text, name)?.with_overrides(choices);
-        let machine = match checkpoint.extra.get(MACHINE_NOTE) {
-            None => Machine::new(&case.plan, &checkpoint.model).map(|machine| {
-                // `ballast run` stores this memory in the state; other programs store something else there.
-                machine.clone().with_memory(checkpoint.state.drive.clone()).unwrap_or(machine)
-            }),
-            Some(text) => {
-                let memory = serde_json::from_str(text)
-                    .map_err(|e| errors::file(py, format!("{name}: note {MACHINE_NOTE:?}: {e}")))?;
-                Machine::new(&case.plan, &checkpoint.model).and_then(|m| m.with_memory(memory))
-            }
-        };
-        let machine = machine.map_err(|e| errors::file(py, format!("{name}: {e}")))?;
         let limit = |text: &String| match text.parse() {
             Ok(limit) if limit > 0.0 => Ok(limit),
             _ => {
@@ -127,7 +111,6 @@ impl LocalState {
             model: Arc::new(checkpoint.model),
             state: Arc::new(checkpoint.state),
             case: Arc::new(case),
-            machine,
         })
     }
 
@@ -137,11 +120,9 @@ impl LocalState {
         py: Python<'_>,
         write: impl FnOnce(&Checkpoint) -> ballast_hdf5::Result<T> + Send,
     ) -> PyResult<T> {
-        let memory = serde_json::to_string(self.machine.memory());
-        let memory = memory.map_err(|e| errors::file(py, format!("note {MACHINE_NOTE:?}: {e}")))?;
         let limit =
             self.max_penetration.map(|limit| (PENETRATION_NOTE.into(), format!("{limit:e}")));
-        let notes = [(MACHINE_NOTE.into(), memory)].into_iter().chain(limit).collect();
+        let notes = limit.into_iter().collect();
         let write = || write(&self.case.checkpoint(&self.model, &self.state, notes));
         py.detach(write).map_err(|e| errors::file(py, e))
     }
@@ -178,7 +159,7 @@ impl PyState {
         match &self.0 {
             StateStorage::Local(local) => {
                 let d = local.driven(py, name)?;
-                Ok((local.state.imposed(&local.model, d), left_twist(&local.state, d)))
+                Ok((local.state.imposed(&local.model, d), local.state.end_twist(d)))
             }
             StateStorage::Remote(remote) => {
                 Ok(remote.commanded[body_index(py, remote.bodies.iter(), name)?])
@@ -243,9 +224,7 @@ impl PyState {
         Ok(self.local(py, "step")?.state.step)
     }
 
-    /// Hash of the state: 128 bits as 32 hexadecimal digits, comparable with those of `ballast serve` and recordings.
-    ///
-    /// States of `ballast run` also cover the memory of its machine, so their hashes differ for equal bodies.
+    /// Hash of the bodies: 128 bits as 32 hexadecimal digits, comparable with those of `ballast run`, `serve` and recordings.
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
         match &self.0 {

@@ -1044,7 +1044,7 @@ def test_plots_and_results_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> 
         for draw in (plot.forces, plot.loops):
             with pytest.raises(ValueError, match=f"window_s: expected a number above 0, found {window_s}"):
                 draw(results, window_s=window_s)
-    # The machine of Python is that of the program.
+    # The cycle of Python is that of the program: the same steps end with the same hash.
     for _ in range(180):
         sim.step_tamping_cycle()
     checkpoint = ballast.read(tmp_path / "run/checkpoint.h5")
@@ -1056,7 +1056,7 @@ def test_plots_and_results_of_a_run(sim: ballast.Simulation, tmp_path: Path) -> 
         assert resumed.save().hash == checkpoint.hash
     with pytest.raises(ballast.FileError, match="results.vtkhdf"):
         ballast.read(tmp_path)
-    assert np.array_equal(checkpoint.positions, sim.save().positions)
+    assert sim.save().hash == checkpoint.hash
     assert np.array_equal(checkpoint.contact_impulses, sim.save().contact_impulses)
 
 

@@ -3,31 +3,28 @@
 //! Results go to standard output, messages and progress to standard error. [`Failure`] determines the exit code.
 
 mod args;
-mod aside;
 mod body_overlap;
+mod case_run;
 mod commands;
 mod console;
 #[cfg(feature = "zenoh")]
 mod coupling;
-mod dump;
-mod engine;
 mod exit {
     pub use ballast_session::{Failure, Result as Outcome};
 }
 mod interrupt;
-mod memory;
+mod nonfatal_errors;
 mod panic_hook;
-mod playback;
+mod problem_dump;
 mod progress;
+mod recording_start;
 #[cfg(test)]
 mod reference_tests;
-mod session;
-mod start;
-mod taping;
+mod run_session;
 
 use args::{Cli, Command};
 use ballast_session::{
-    Failure, Result, beds, case, files, lock, machine, profile, recorder, summary_text, table,
+    Failure, Result, beds, case, files, lock, profile, recorder, summary_text, table,
     threads,
 };
 use clap::Parser;

@@ -17,7 +17,7 @@ use std::io::{Read, Write};
 use std::path::Path;
 
 /// Version of the format that this program writes and reads.
-pub const VERSION: u32 = 3;
+pub const VERSION: u32 = 4;
 
 pub(crate) const FORMAT: seal::Format =
     seal::Format { name: "ballast-checkpoint", version: VERSION };
@@ -105,7 +105,8 @@ fn image_of(path: &Path, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
     let file = image::new_image(path)?;
     let columns = columns::of(&checkpoint.model, &checkpoint.state);
     let fingerprint = format!("{:032x}", hash::of_columns(&columns));
-    for column in columns.iter().chain(&about(checkpoint, fingerprint)) {
+    let memory = columns::of_memory(&checkpoint.state);
+    for column in columns.iter().chain(&memory).chain(&about(checkpoint, fingerprint)) {
         image::put(&file, path, column)?;
     }
     image::bytes_of(&file, path)
@@ -138,7 +139,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     let source = Source { path, file: &file, size, packed: false };
     check_version(&source)?;
     let model = decode::model(&source)?;
-    let state = decode::state(&source, model.body_count(), model.mounted_count())?;
+    let state = decode::state(&source, &model)?;
     validate::check(&model, &state).map_err(|f| f.in_file(path))?;
     check_fingerprint(&source, &model, &state)?;
     let names = source.texts("about/extra_names", None)?;

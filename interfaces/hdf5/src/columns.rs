@@ -2,8 +2,8 @@
 //!
 //! Reads: model, state. Writes: nothing. Cost: none for what a state has most of, which is lent; the hash of a state is
 //! taken after every window.
-//! Contract: every field of [`Model`] and [`State`] is here, f64 bit for bit; variable lengths are
-//! stored as starts `[n + 1]` into flat arrays.
+//! Contract: every field of [`Model`] and [`State`] is here, f64 bit for bit; memory of windows and driver is not
+//! hashed. Variable lengths are stored as starts `[n + 1]` into flat arrays.
 
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
@@ -12,6 +12,7 @@ use ballast::model::{
     Solver,
 };
 use ballast::state::State;
+use ballast::window_memory::{SQUEEZE_TRACK_VERSION, SqueezeTrack, Twist};
 use std::borrow::Cow;
 
 /// A named array `[rows]` or, where `width` is above 1, `[rows, width]`.
@@ -56,7 +57,7 @@ pub(crate) fn wxyz(q: &Quat) -> [f64; 4] {
 pub(crate) const CONVEX: u8 = 0;
 pub(crate) const HALF_SPACE: u8 = 1;
 
-/// All columns of a model and a state, in the order of the format.
+/// Columns of a model and a state that are hashed, in the order of the format.
 pub(crate) fn of<'a>(model: &'a Model, state: &'a State) -> Vec<Column<'a>> {
     let mut columns = shapes(&model.shapes);
     columns.extend(bodies(model));
@@ -281,7 +282,7 @@ fn of_state(state: &State) -> Vec<Column<'_>> {
         vectors("state/position", &state.position),
         quaternions("state/orientation", &state.orientation),
         vectors("state/velocity", &state.velocity),
-        vectors("state/spin", &state.angular_velocity),
+        vectors("state/angular_velocity", &state.angular_velocity),
         Column {
             name: "contacts/bodies",
             width: 2,
@@ -291,7 +292,6 @@ fn of_state(state: &State) -> Vec<Column<'_>> {
         vectors("contacts/local_point", &memory.local_point),
         vectors("contacts/impulse", &memory.impulse),
         rows("state/mount", state.mount.iter().map(pose_row)),
-        f64s("state/drive", &state.drive),
         f64s(
             "state/energy",
             vec![
@@ -303,5 +303,29 @@ fn of_state(state: &State) -> Vec<Column<'_>> {
                 energy.dissipated,
             ],
         ),
+    ]
+}
+
+/// Numbers of a twist: 1 or 0 for known or unknown, then velocity and angular velocity.
+pub(crate) const TWIST: usize = 7;
+
+/// Columns of the memory of windows and of the driver's state, which are written and not hashed.
+pub(crate) fn of_memory(state: &State) -> Vec<Column<'_>> {
+    let (window, driver) = (&state.window, &state.driver);
+    let twist = |twist: &Option<Twist>| {
+        let Twist { velocity: v, angular_velocity: w } = twist.unwrap_or_default();
+        [f64::from(u8::from(twist.is_some())), v.x, v.y, v.z, w.x, w.y, w.z]
+    };
+    let reaction = |[impulse, angular]: &[Vec3; 2]| {
+        [impulse.x, impulse.y, impulse.z, angular.x, angular.y, angular.z]
+    };
+    vec![
+        rows("window/twists", window.twists.iter().map(twist)),
+        rows("window/reactions", window.reactions.rows().map(reaction)),
+        u32s("window/squeeze_version", vec![SQUEEZE_TRACK_VERSION]),
+        f64s("window/squeezes", SqueezeTrack::encode(&window.squeezes)),
+        text("driver/kind", vec![driver.kind.clone()]),
+        u32s("driver/version", vec![driver.version]),
+        f64s("driver/values", &driver.values),
     ]
 }

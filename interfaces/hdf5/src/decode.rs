@@ -3,7 +3,7 @@
 //! Reads: a [`Source`]. Contract: what comes back has consistent lengths; that its values make sense
 //! is [`crate::validate`]'s task.
 
-use crate::columns::{CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, PLAIN, RECOVERY, SPRUNG};
+use crate::columns::{CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, PLAIN, RECOVERY, SPRUNG, TWIST};
 use crate::error::{Fault, Result};
 use crate::image::Source;
 use ballast::geometry::{Edge, Polyhedron};
@@ -12,8 +12,12 @@ use ballast::model::{
     Acceleration, DofMode, DrivenBody, Grains, Model, Mount, Norm, Part, PartitionRule,
     PenetrationCorrection, Role, Schedule, Solver, Stepping,
 };
-use ballast::state::{ContactMemory, EnergyLedger, State};
+use ballast::state::{ContactMemory, DriverState, EnergyLedger, State};
+use ballast::window_memory::{
+    ReactionHistory, SQUEEZE_TRACK_VERSION, SqueezeTrack, Twist, WindowMemory,
+};
 use std::ops::Range;
+use std::sync::Arc;
 
 pub(crate) fn model(source: &Source) -> Result<Model> {
     let shapes = shapes(source)?;
@@ -39,8 +43,8 @@ pub(crate) fn model(source: &Source) -> Result<Model> {
     })
 }
 
-pub(crate) fn state(source: &Source, bodies: usize, mounted: usize) -> Result<State> {
-    let nb = Some(bodies);
+pub(crate) fn state(source: &Source, model: &Model) -> Result<State> {
+    let nb = Some(model.body_count());
     let orientation = source.reals("state/orientation", nb, 4)?;
     let energy = source.reals("state/energy", Some(6), 1)?;
     Ok(State {
@@ -49,16 +53,21 @@ pub(crate) fn state(source: &Source, bodies: usize, mounted: usize) -> Result<St
         position: vectors(source, "state/position", nb)?,
         orientation: orientation.as_chunks().0.iter().map(quaternion).collect(),
         velocity: vectors(source, "state/velocity", nb)?,
-        angular_velocity: vectors(source, "state/spin", nb)?,
+        angular_velocity: vectors(source, "state/angular_velocity", nb)?,
         contacts: contacts(source)?,
         mount: source
-            .reals("state/mount", Some(mounted), 7)?
+            .reals("state/mount", Some(model.mounted_count()), 7)?
             .as_chunks()
             .0
             .iter()
             .map(pose)
             .collect(),
-        drive: source.reals("state/drive", None, 1)?,
+        window: Arc::new(window(source, model.driven.len())?),
+        driver: Arc::new(DriverState {
+            kind: source.text("driver/kind")?,
+            version: source.number("driver/version")?,
+            values: source.reals("driver/values", None, 1)?,
+        }),
         energy: EnergyLedger {
             initial_kinetic: energy[0],
             initial_potential: energy[1],
@@ -67,6 +76,42 @@ pub(crate) fn state(source: &Source, bodies: usize, mounted: usize) -> Result<St
             work_in: energy[4],
             dissipated: energy[5],
         },
+    })
+}
+
+/// Memory of windows; that its lengths fit is checked with the state.
+fn window(source: &Source, bodies: usize) -> Result<WindowMemory> {
+    let fault = |name, expected: String, found: String| {
+        Err(Fault::new(name, expected, found).in_file(source.path))
+    };
+    let version: u32 = source.number("window/squeeze_version")?;
+    if version != SQUEEZE_TRACK_VERSION {
+        let expected = SQUEEZE_TRACK_VERSION.to_string();
+        return fault("window/squeeze_version", expected, version.to_string());
+    }
+    let numbers = source.reals("window/squeezes", None, 1)?;
+    let Some(squeezes) = SqueezeTrack::decode(&numbers) else {
+        let found = format!("{} numbers", numbers.len());
+        return fault("window/squeezes", "whole records of tine pairs".into(), found);
+    };
+    let vector = |n: &[f64]| Vec3::new(n[0], n[1], n[2]);
+    let twist = |n: &[f64; TWIST]| {
+        let (velocity, angular_velocity) = (vector(&n[1..]), vector(&n[4..]));
+        (n[0] == 1.0).then_some(Twist { velocity, angular_velocity })
+    };
+    let reactions = source.reals("window/reactions", None, 6)?;
+    let reactions = reactions.as_chunks::<6>().0.iter().map(|n| [vector(n), vector(&n[3..])]);
+    let reactions: Vec<[Vec3; 2]> = reactions.collect();
+    let rows = reactions.len();
+    let Ok(reactions) = ReactionHistory::from_rows(bodies, reactions) else {
+        let expected = format!("rows of whole steps of {bodies} driven bodies");
+        return fault("window/reactions", expected, format!("{rows} rows"));
+    };
+    let twists = source.reals("window/twists", None, TWIST)?;
+    Ok(WindowMemory {
+        twists: twists.as_chunks().0.iter().map(twist).collect(),
+        reactions,
+        squeezes,
     })
 }
 

@@ -4,7 +4,10 @@ use crate::columns::{self, Column, Data};
 use ballast::model::Model;
 use ballast::state::State;
 
-/// Fingerprint of everything that decides how a run continues: equal bytes, equal fingerprint.
+/// Fingerprint of model, bodies, contacts and energy: equal bytes, equal fingerprint.
+///
+/// The memory of windows and the state of the driver are not part of it, so that runs of one motion end with one hash,
+/// whatever drives them.
 ///
 /// The first 128 bits of BLAKE3 over names, widths, lengths and little-endian values of all columns.
 /// `0.0` and `-0.0` differ. Not changed by how or where a file was written.

@@ -1,6 +1,6 @@
 //! Recordings of Ballast in MCAP files.
 //!
-//! [`Tape`] writes what a run was asked and what it answered, window by window; [`messages`] reads any
+//! [`WindowRecorder`] writes requests and replies of a run, window by window; [`messages`] reads any
 //! MCAP file, whole or cut short; [`recording`] finds our windows in one, [`motion`] the motion of
 //! bodies in any; [`mod@verify`] computes a recording again and names the first difference.
 //!
@@ -19,16 +19,14 @@ mod chunk;
 mod entry;
 mod error;
 mod meta;
-mod redoable;
-mod tape;
 mod told;
 mod window;
+mod window_recorder;
 mod writer;
 
 pub use entry::Entry;
 pub use error::{Error, Result};
 pub use meta::{Drive, Meta};
-pub use redoable::Redoable;
-pub use tape::{Tape, may_become_a_recording};
 pub use verify::verify;
+pub use window_recorder::{WindowRecorder, may_become_a_recording};
 pub use writer::Writer;

@@ -14,13 +14,8 @@ use ballast_protocol::messages::{AdvanceReply, StateHash, decode_to_json};
 use serde_json::Value;
 use std::ops::ControlFlow;
 
-/// What the caller knows of a state beyond the component: the memory of who drives it, and its hash.
-pub trait Keeper {
-    /// Takes a step that has led to `state`.
-    fn observe(&mut self, model: &Model, state: &State, report: &StepReport);
-    /// Hash of the state with that memory.
-    fn hash(&self, model: &Model, state: &State) -> StateHash;
-}
+/// Hash of model and state.
+pub type HashFn = fn(&Model, &State) -> u128;
 
 /// The first thing that differs.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,10 +71,10 @@ pub fn verify(
     windows: &mut Windows,
     component: &mut Component,
     zones: &[Zone],
-    keeper: &mut (dyn Keeper + Send),
+    hash: HashFn,
     watch: &mut (dyn FnMut(u64) -> ControlFlow<()> + Send),
 ) -> Result<Verdict> {
-    let start = keeper.hash(component.model(), component.state());
+    let start = StateHash::from(hash(component.model(), component.state()));
     let recorded = windows.meta().initial_hash;
     if start != recorded {
         let texts = [recorded.to_string(), start.to_string()];
@@ -97,7 +92,7 @@ pub fn verify(
             return Ok(different(seq.saturating_sub(1), component.state(), &topic, &field, texts));
         }
         start.clear();
-        let mut outcome = match advance(&window, component, keeper, watch) {
+        let mut outcome = match advance(&window, component, watch) {
             Ok(outcome) => outcome,
             Err(Unfinished::Stopped) => return Ok(Verdict::Stopped { windows: count }),
             Err(Unfinished::Refused(refusal)) => {
@@ -105,7 +100,7 @@ pub fn verify(
                 return Ok(different(seq, component.state(), window::STEP, "request", texts));
             }
         };
-        let reply = reply(&window, component, zones, keeper, &mut outcome);
+        let reply = reply(&window, component, zones, hash, &mut outcome);
         let entries =
             window::entries(component.model(), component.state(), &window.record.request, &reply)
                 .map_err(|e| refused(windows, e))?;
@@ -146,18 +141,15 @@ enum Unfinished {
 fn advance(
     window: &Window,
     component: &mut Component,
-    keeper: &mut (dyn Keeper + Send),
     watch: &mut (dyn FnMut(u64) -> ControlFlow<()> + Send),
 ) -> std::result::Result<WindowResult, Unfinished> {
     let refused = |e: &dyn std::fmt::Display| Unfinished::Refused(e.to_string());
     if let Some(set) = window.parameters {
         component.set_parameters(&set.into()).map_err(|e| refused(&e))?;
     }
-    let model = component.shared_model();
     let asked = window.record.request.inputs().map_err(|e| refused(&e))?;
     let inputs = component::WindowInputsRef { motions: &asked.motions, loads: &asked.loads };
-    let mut observe = StepCallback(|state: &State, report: &StepReport| {
-        keeper.observe(&model, state, report);
+    let mut observe = StepCallback(|state: &State, _: &StepReport| {
         // A window may be long; one that is complete is compared.
         match watch(state.time_ns) {
             ControlFlow::Break(()) if state.time_ns < asked.t1_ns => {
@@ -177,7 +169,7 @@ fn reply(
     window: &Window,
     component: &Component,
     zones: &[Zone],
-    keeper: &dyn Keeper,
+    hash: HashFn,
     outcome: &mut WindowResult,
 ) -> AdvanceReply {
     let (model, state) = (component.model(), component.state());
@@ -186,8 +178,8 @@ fn reply(
         window.messages.iter().any(|m| m.channel.topic == topic)
     };
     let zones: Vec<Zone> = zones.iter().filter(is_recorded).cloned().collect();
-    outcome.zones = component::measure(model, state, &zones);
-    AdvanceReply::of(&window.record.request, model, outcome, keeper.hash(model, state))
+    outcome.zones = component::measure_zones(model, state, &zones);
+    AdvanceReply::of(&window.record.request, model, outcome, hash(model, state).into())
 }
 
 /// Topic, and field with both values, of the first entry that the recording has otherwise, or of the first message

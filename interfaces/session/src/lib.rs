@@ -4,17 +4,19 @@
 
 pub mod beds;
 pub mod case;
+pub mod driver;
 mod error;
 pub mod files;
 pub mod interrupt;
 pub mod lock;
-pub mod machine;
 pub mod profile;
 pub mod quantities;
 pub mod record;
 pub mod recorder;
+pub mod recording_driver;
 mod reporter;
 pub mod run_files;
+pub mod run_recorder;
 pub mod statistics;
 pub mod summary;
 pub mod summary_text;

@@ -588,10 +588,7 @@ class State:
 
     @property
     def hash(self) -> str:
-        """Hash of the state: 128 bits as 32 hexadecimal digits, comparable with those of `ballast serve` and recordings.
-
-        States of `ballast run` also cover the memory of its machine, so their hashes differ for equal bodies.
-        """
+        """Hash of the bodies: 128 bits as 32 hexadecimal digits, comparable with those of `ballast run`, `serve` and recordings."""
 
     @property
     def positions(self) -> _Floats:

@@ -2,17 +2,18 @@
 
 use crate::args::{ReplayArgs, TimeName};
 use crate::case::{self, Case, CaseOverrides};
+use crate::case_run::{self, CaseRun};
 use crate::console::Console;
-use crate::engine::Engine;
 use crate::files::expect_different;
-use crate::playback::Playback;
-use crate::session::{self, Session};
-use crate::{beds, body_overlap, interrupt, machine, start};
+use crate::run_session::RunSession;
+use crate::{beds, body_overlap, interrupt, recording_start};
+use ballast::component::TampingDriver;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast::track::TampingCycle;
 use ballast_mcap::motion::{self, Motion, TimeOf};
 use ballast_mcap::recording::{self, Windows};
+use ballast_session::driver::{RunDriver, tamping_driver};
+use ballast_session::recording_driver::RecordingDriver;
 use ballast_session::run_files::RunFiles;
 use ballast_session::{Failure, Result};
 use std::path::Path;
@@ -58,21 +59,21 @@ pub fn replay(args: ReplayArgs, console: Console) -> Result {
     };
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     // Cycle at the beginning of the case, wherever the recording starts.
-    let cycle = machine::cycle(&case, &model, &state)?;
-    let (model, state, playback) = match source {
+    let cycle = tamping_driver(&case, &model, &state)?;
+    let (model, state, recording) = match source {
         ReplaySource::Windows(windows) => {
-            let (model, state) = start::of(&windows, &case, model, state)?;
-            let playback = own(*windows, &model, &state, console);
-            (model, state, playback)
+            let (model, state) = recording_start::initial_scene(&windows, &case, model, state)?;
+            let recording = own(*windows, &model, &state, console);
+            (model, state, recording)
         }
         ReplaySource::Poses(motion) => {
-            let playback = Playback::of_motion(&args.file, motion, args.allow_jump);
-            (model, state, playback)
+            let recording = RecordingDriver::from_motion(&args.file, motion, args.allow_jump);
+            (model, state, recording)
         }
     };
     // Before an earlier replay is removed.
-    let engine = engine(&args, &case, (model, state), cycle, playback)?;
-    let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
+    let run = replay_session(&args, &case, (model, state), cycle, recording)?;
+    let session = CaseRun::begin(case, run, files, args.record.as_deref(), console)?;
     session.run(args.stop.steps, args.stop.expect_hash)
 }
 
@@ -83,22 +84,23 @@ enum ReplaySource {
 }
 
 /// Creates the engine, and checks that the recording covers the first step if one is requested.
-fn engine(
+fn replay_session(
     args: &ReplayArgs,
     case: &Case,
     (model, state): (Model, State),
-    cycle: TampingCycle,
-    playback: Playback,
-) -> Result<Engine> {
-    let mut engine = Engine::recording(case, model, state, cycle, playback)?;
-    session::expect_ahead(args.stop.steps, engine.state().step)?;
-    if args.stop.steps != Some(engine.state().step) {
-        engine.expect_a_step()?;
+    cycle: TampingDriver,
+    recording: RecordingDriver,
+) -> Result<RunSession> {
+    let driver = RunDriver::Recording { recording: Box::new(recording), cycle };
+    let mut run = RunSession::new(case, model, state, driver)?;
+    case_run::expect_ahead(args.stop.steps, run.state().step)?;
+    if args.stop.steps != Some(run.state().step) {
+        run.check_first_step()?;
     }
-    Ok(engine)
+    Ok(run)
 }
 
-fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Playback {
+fn own(windows: Windows, model: &Model, state: &State, console: Console) -> RecordingDriver {
     let found = format!("{:032x}", ballast_hdf5::state_hash(model, state));
     if windows.meta().initial_hash.to_string() != found {
         console.note(
@@ -106,7 +108,7 @@ fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Play
              differ",
         );
     }
-    Playback::of_windows(windows)
+    RecordingDriver::from_windows(windows)
 }
 
 /// Warns if poses of mounted bodies are replayed: they include the deflection of the mounts.
@@ -149,8 +151,8 @@ fn poses(args: &ReplayArgs, case: &Case, of_ours: bool, console: Console) -> Res
     for warning in motion.warnings.iter().chain(&overlap) {
         console.warning(&format!("{}: {warning}", args.file.display()));
     }
-    let playback = Playback::of_motion(&args.file, motion.clone(), args.allow_jump);
-    let cycle = machine::cycle(case, &model, &state)?;
-    engine(args, case, (model, state), cycle, playback)?;
+    let recording = RecordingDriver::from_motion(&args.file, motion.clone(), args.allow_jump);
+    let cycle = tamping_driver(case, &model, &state)?;
+    replay_session(args, case, (model, state), cycle, recording)?;
     Ok(motion)
 }

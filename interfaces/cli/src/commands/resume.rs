@@ -4,12 +4,12 @@ use super::expected_file::ExpectedFile;
 use crate::args::ResumeArgs;
 use crate::console::Console;
 use crate::interrupt;
-use crate::session::Session;
+use crate::case_run::CaseRun;
 use ballast_session::Result;
 
 pub fn resume(args: ResumeArgs, console: Console) -> Result {
     interrupt::install()?;
     let checkpoint = ExpectedFile::Checkpoint.find(&args.checkpoint)?;
-    let session = Session::resume(&checkpoint, args.stop.steps, console)?;
+    let session = CaseRun::resume(&checkpoint, args.stop.steps, console)?;
     session.run(args.stop.steps, args.stop.expect_hash)
 }

@@ -2,12 +2,13 @@
 
 use crate::args::{DumpArgs, RunArgs};
 use crate::case::{self, CaseOverrides};
+use crate::case_run::CaseRun;
 use crate::console::Console;
-use crate::dump::Dump;
-use crate::engine::Engine;
-use crate::session::Session;
-use crate::{beds, interrupt, machine};
+use crate::problem_dump::ProblemDump;
+use crate::run_session::RunSession;
+use crate::{beds, interrupt};
 use ballast_session::Result;
+use ballast_session::driver::{RunDriver, tamping_driver};
 use ballast_session::run_files::RunFiles;
 use std::path::Path;
 
@@ -23,13 +24,11 @@ pub fn run(args: RunArgs, console: Console) -> Result {
     // Before a bed is prepared or a file replaced.
     files.check_recording(args.record.as_deref())?;
     let DumpArgs { dump_problems, dump_every, dump_phases } = args.dump;
-    let dump = dump_problems.map(|folder| Dump::to(folder, dump_every.get().into(), dump_phases));
+    let dump = dump_problems.map(|folder| ProblemDump::to(folder, dump_every.get().into(), dump_phases));
     let dump = dump.transpose()?;
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
-    let cycle = machine::cycle(&case, &model, &state)?;
-    // Otherwise the first checkpoint would fail.
-    model.check().map_err(|e| case::invalid(&case, e))?;
-    let engine = Engine::machine(model, state, cycle);
-    let session = Session::begin(case, engine, files, args.record.as_deref(), console)?;
+    let driver = RunDriver::Cycle(tamping_driver(&case, &model, &state)?);
+    let run = RunSession::new(&case, model, state, driver)?;
+    let session = CaseRun::begin(case, run, files, args.record.as_deref(), console)?;
     session.dumping(dump).run(args.stop.steps, args.stop.expect_hash)
 }

@@ -3,14 +3,13 @@
 use crate::args::VerifyArgs;
 use crate::case::{self, Case, CaseOverrides, first_other_line};
 use crate::console::Console;
-use crate::memory::Memory;
 use crate::progress::{Mark, Progress};
-use crate::{beds, interrupt, machine, start};
+use crate::{beds, interrupt, recording_start};
 use ballast::model::Schedule;
 use ballast::track;
+use ballast_mcap::Meta;
 use ballast_mcap::recording::Windows;
 use ballast_mcap::verify::{Difference, Verdict};
-use ballast_mcap::{Drive, Meta};
 use ballast_session::{Failure, Result};
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -26,9 +25,7 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
     }
     let case = case::recorded(&windows, args.case.as_deref(), CaseOverrides::default(), &console)?;
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
-    let cycle = machine::cycle(&case, &model, &state)?;
-    let (model, state) = start::of(&windows, &case, model, state)?;
-    let mut memory = Memory::new(&cycle, &state, meta.drive == Drive::Case);
+    let (model, state) = recording_start::initial_scene(&windows, &case, model, state)?;
     let mut component = case::component(&case, Arc::new(model), state)?;
     let mut progress = Progress::start(console, "verify");
     let begin_ns = component.now_ns();
@@ -42,8 +39,13 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
         interrupt::flow()
     };
     let zones = track::zones(&case.plan);
-    let verdict =
-        ballast_mcap::verify(&mut windows, &mut component, &zones, &mut memory, &mut watch)?;
+    let verdict = ballast_mcap::verify(
+        &mut windows,
+        &mut component,
+        &zones,
+        ballast_hdf5::state_hash,
+        &mut watch,
+    )?;
     progress.finish();
     let file = args.file.display();
     match verdict {

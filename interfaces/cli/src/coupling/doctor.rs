@@ -76,7 +76,7 @@ fn endpoint(args: &DoctorArgs) -> Result<String, String> {
 fn writable(folder: &Path) -> Result<String, String> {
     crate::files::create_folder(folder).map_err(|e| e.to_string())?;
     let path = folder.join(format!("doctor-{}.h5", std::process::id()));
-    let kept = checkpoint::Checkpoint {
+    let saved = checkpoint::Checkpoint {
         model: empty_model(),
         state: ballast::state::State::default(),
         kind: checkpoint::Kind::Bed,
@@ -85,10 +85,10 @@ fn writable(folder: &Path) -> Result<String, String> {
         key: String::new(),
         extra: Default::default(),
     };
-    let result = checkpoint::write(&path, &kept).and_then(|()| checkpoint::read(&path));
+    let result = checkpoint::write(&path, &saved).and_then(|()| checkpoint::read(&path));
     let _ = std::fs::remove_file(&path);
     match result {
-        Ok(read) if read == kept => Ok(format!("{} takes HDF5 files", folder.display())),
+        Ok(read) if read == saved => Ok(format!("{} takes HDF5 files", folder.display())),
         Ok(_) => Err("an HDF5 file is read otherwise than it was written".into()),
         Err(e) => Err(e.to_string()),
     }

@@ -1,13 +1,13 @@
 //! What is done beside answering: checkpoints, the recording, a word to the person at the terminal.
 
 use super::args::ServeArgs;
-use super::kept;
-use super::tape::Recording;
-use crate::aside::Aside;
+use super::served_checkpoint;
+use super::served_recording::ServedRecording;
 use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
-use crate::{beds, interrupt, taping};
+use crate::nonfatal_errors::NonFatalErrors;
+use crate::{beds, case_run, interrupt};
 use ballast::component::Component;
 use ballast::track;
 use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
@@ -27,7 +27,7 @@ pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> 
 /// Least time between two checkpoints, or tries, while no window is asked for.
 const REST: Duration = Duration::from_secs(1);
 
-pub struct Keeper {
+pub struct ServedRun {
     pub console: Console,
     pub case: Case,
     /// What was chosen where the component was started: what `init` goes out from.
@@ -36,7 +36,7 @@ pub struct Keeper {
     pub beds: PathBuf,
     pub checkpoint: PathBuf,
     pub every: Duration,
-    pub recording: Option<Recording>,
+    pub recording: Option<ServedRecording>,
     /// When the last checkpoint was written, or tried to be.
     written: Instant,
     /// Run, window and time of the checkpoint that lies on the disk, as far as this process has written it.
@@ -46,15 +46,15 @@ pub struct Keeper {
     /// The run does not lead through it any more: the next one is due.
     is_due: bool,
     /// Partners are served whatever goes wrong beside it.
-    pub aside: Aside,
+    pub errors: NonFatalErrors,
 }
 
-impl Keeper {
+impl ServedRun {
     pub fn new(
         args: &ServeArgs,
         case: Case,
         checkpoint: PathBuf,
-        recording: Option<Recording>,
+        recording: Option<ServedRecording>,
         console: Console,
     ) -> Self {
         Self {
@@ -70,7 +70,7 @@ impl Keeper {
             // Nothing has been computed here yet.
             is_current: true,
             is_due: false,
-            aside: Aside::new(console),
+            errors: NonFatalErrors::new(console),
         }
     }
 
@@ -97,16 +97,16 @@ impl Keeper {
         (self.is_current, self.is_due) = (false, true);
     }
 
-    fn recorded(&mut self, act: impl FnOnce(&mut Recording) -> Outcome) {
+    fn recorded(&mut self, act: impl FnOnce(&mut ServedRecording) -> Outcome) {
         let Some(recording) = &mut self.recording else { return };
         let result = act(recording);
-        if !self.aside.went_well("recording", result) {
+        if !self.errors.report("recording", result) {
             self.recording = None;
         }
     }
 }
 
-impl ServerHooks for Keeper {
+impl ServerHooks for ServedRun {
     fn opened(&mut self, lockstep: &Lockstep) {
         let place = lockstep.position();
         self.console.note(&match lockstep.is_configured() {
@@ -131,16 +131,16 @@ impl ServerHooks for Keeper {
         if self.is_current && self.durable.as_ref() == Some(&at) {
             return true;
         }
-        let result = kept::write(&self.checkpoint, &self.case, lockstep);
+        let result = served_checkpoint::write(&self.checkpoint, &self.case, lockstep);
         self.written = Instant::now();
-        let kept = self.aside.went_well("checkpoint", result);
-        if kept {
+        let saved = self.errors.report("checkpoint", result);
+        if saved {
             let path = &self.checkpoint;
             self.console.event("checkpoint", json!({ "seq": at.1, "time_ns": at.2, "path": path }));
             self.durable = Some(at);
             (self.is_current, self.is_due) = (true, false);
         }
-        kept
+        saved
     }
 
     fn window_computed(
@@ -170,7 +170,7 @@ impl ServerHooks for Keeper {
     fn state_replaced(&mut self, lockstep: &Lockstep) {
         self.outdate();
         let case = self.case.clone();
-        self.recorded(|recording| recording.part(&case, lockstep));
+        self.recorded(|recording| recording.start_new_file(&case, lockstep));
     }
 
     fn prepare(&mut self, ask: &InitRequest) -> Result<Component, RequestError> {
@@ -186,7 +186,7 @@ impl ServerHooks for Keeper {
         self.case = case;
         self.outdate();
         if self.recording.is_some() {
-            taping::warn_unless_repeatable(&self.case, self.console);
+            case_run::warn_unless_repeatable(&self.case, self.console);
         }
         Ok(component)
     }

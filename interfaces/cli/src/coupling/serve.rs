@@ -1,14 +1,14 @@
 //! `ballast serve CASE --key SITE/ID`: the case's bed, moved by another program.
 
 use super::args::ServeArgs;
-use super::host::{Keeper, served};
-use super::kept;
-use super::tape::{self, Recording};
+use super::host::{ServedRun, served};
+use super::served_checkpoint;
+use super::served_recording::{self, ServedRecording};
 use crate::case::{self, CaseOverrides};
+use crate::case_run;
 use crate::console::{self, Console};
 use crate::exit::{Failure, Outcome};
 use crate::interrupt;
-use crate::taping;
 use ballast_protocol::lockstep::Lockstep;
 use ballast_session::run_files::RunFiles;
 use ballast_zenoh::{Keys, Server, ServerHooks, SessionConfig};
@@ -31,11 +31,11 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
     let checkpoint = files.checkpoint();
     let resumes = args.resume && checkpoint.exists();
     if resumes {
-        case = kept::of_the_run(&checkpoint, case, given)?;
+        case = served_checkpoint::of_the_run(&checkpoint, case, given)?;
     } else {
-        kept::check_free(&checkpoint, args.force)?;
+        served_checkpoint::check_free(&checkpoint, args.force)?;
     }
-    let first = args.record.as_deref().map(|path| tape::first_part(path, resumes));
+    let first = args.record.as_deref().map(|path| served_recording::first_part(path, resumes));
     files.check_recording(first.as_deref())?;
     // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
     let mut server = Server::open(&args.key, &link)?;
@@ -53,10 +53,10 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
         Lockstep::unconfigured(ballast_hdf5::state_hash).map_err(ballast_zenoh::Error::from)?
     } else {
         let component = served(&case, &args.beds.bed_cache, console)?;
-        Lockstep::new(component, kept::fresh_run()?, ballast_hdf5::state_hash)
+        Lockstep::new(component, served_checkpoint::fresh_run()?, ballast_hdf5::state_hash)
     };
     if resumes {
-        kept::resume(&checkpoint, &mut lockstep)?;
+        served_checkpoint::resume(&checkpoint, &mut lockstep)?;
     }
     // Again before anything is replaced: the bed may have taken its time.
     server.ensure_unique()?;
@@ -66,22 +66,22 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
              --router instead of --connect makes it one of them",
         );
     }
-    let recording = Recording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
+    let recording = ServedRecording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
     if recording.is_some() {
-        taping::warn_unless_repeatable(&case, console);
+        case_run::warn_unless_repeatable(&case, console);
     }
-    let mut keeper = Keeper::new(&args, case, checkpoint, recording, console);
+    let mut served_run = ServedRun::new(&args, case, checkpoint, recording, console);
     // A component that dies before its first checkpoint comes back as the same run.
-    if !resumes && keeper.write_checkpoint(&lockstep) {
+    if !resumes && served_run.write_checkpoint(&lockstep) {
         lockstep.note_durable();
     }
-    let lockstep = server.run(lockstep, &mut keeper)?;
-    if let Some(recording) = keeper.recording.take() {
+    let lockstep = server.run(lockstep, &mut served_run)?;
+    if let Some(recording) = served_run.recording.take() {
         let ended = recording.finish();
-        keeper.aside.went_well("recording", ended);
+        served_run.errors.report("recording", ended);
     }
-    let ended = finish(&lockstep, &keeper, console);
-    keeper.aside.trouble().map_or(ended, Err)
+    let ended = finish(&lockstep, &served_run, console);
+    served_run.errors.first_error().map_or(ended, Err)
 }
 
 fn told(endpoints: &[String]) -> String {
@@ -91,7 +91,7 @@ fn told(endpoints: &[String]) -> String {
     }
 }
 
-fn finish(lockstep: &Lockstep, keeper: &Keeper, console: Console) -> Outcome {
+fn finish(lockstep: &Lockstep, served_run: &ServedRun, console: Console) -> Outcome {
     let place = lockstep.position();
     if !lockstep.is_configured() {
         console.result("nothing was prepared: nobody has asked for `init`");
@@ -109,7 +109,7 @@ fn finish(lockstep: &Lockstep, keeper: &Keeper, console: Console) -> Outcome {
             "windows": lockstep.computed_windows(),
         }),
     );
-    let checkpoint = keeper.checkpoint.display();
+    let checkpoint = served_run.checkpoint.display();
     console.result(&format!(
         "run {}: window {}, {time_s:.4} s\nstate hash  {}\ncheckpoint  {checkpoint}",
         place.run_id, place.seq, place.hash

@@ -4,6 +4,8 @@ mod bench;
 mod commands;
 mod endings;
 mod keeping;
+#[cfg(feature = "zenoh")]
+mod one_hash;
 mod recordings;
 #[cfg(feature = "zenoh")]
 mod redone;

@@ -89,7 +89,9 @@ fn senseless_values_are_refused_with_their_place() {
     type Edit = fn(&File);
     let edits: &[(&str, Edit)] = &[
         ("state/position: expected finite", |f| set(f, "state/position", 4, f64::NAN)),
-        ("state/spin: expected finite", |f| set(f, "state/spin", 0, f64::INFINITY)),
+        ("state/angular_velocity: expected finite", |f| {
+            set(f, "state/angular_velocity", 0, f64::INFINITY)
+        }),
         ("expected a mass from 1e-30 to 1e30 kg", |f| set(f, "grains/mass", 2, -1.0)),
         ("expected a mass from 1e-30 to 1e30 kg", |f| set(f, "grains/mass", 2, 0.0)),
         ("expected finite moments of inertia above 0", |f| set(f, "grains/inertia", 5, -1e-9)),
@@ -135,16 +137,29 @@ fn senseless_values_are_refused_with_their_place() {
         ("a name of its own", |f| set(f, "driven/name", 1, text("floor"))),
         ("driven/mount: expected modes 0, 1 or 2, found 7", |f| set(f, "driven/mount", 7, 7.0)),
         ("solver/schedule: expected", |f| set(f, "solver/schedule", 0, text("fast"))),
-        ("format: expected ballast-checkpoint 3, found ballast-checkpoint 9", |f| {
+        ("format: expected ballast-checkpoint 4, found ballast-checkpoint 9", |f| {
             set(f, "about/version", 0, 9_u32)
         }),
         ("about/state_hash: expected", |f| set(f, "state/velocity", 0, 0.25)),
         ("about/kind: expected", |f| set(f, "about/kind", 0, text("sofa"))),
-        ("state/spin: expected a dataset, found nothing", |f| f.unlink("state/spin").unwrap()),
+        ("state/angular_velocity: expected a dataset, found nothing", |f| {
+            f.unlink("state/angular_velocity").unwrap()
+        }),
         ("expected a dataset, found nothing", |f| f.unlink("contacts").unwrap()),
-        ("state/drive: expected a dataset, found something else", |f| {
-            f.unlink("state/drive").unwrap();
-            f.create_group("state/drive").unwrap();
+        ("driver/kind: expected a dataset, found nothing", |f| f.unlink("driver").unwrap()),
+        ("window/squeeze_version: expected 1, found 2", |f| {
+            set(f, "window/squeeze_version", 0, 2_u32)
+        }),
+        ("window/reactions: expected finite", |f| set(f, "window/reactions", 0, f64::NAN)),
+        ("window/reactions: expected rows of whole steps", |f| {
+            instead(f, "window/reactions", &[3, 6], &[1_f64; 18])
+        }),
+        ("window/squeezes: expected whole records", |f| {
+            instead(f, "window/squeezes", &[1], &[1_f64])
+        }),
+        ("driver/values: expected a dataset, found something else", |f| {
+            f.unlink("driver/values").unwrap();
+            f.create_group("driver/values").unwrap();
         }),
         ("grains/mass: expected type float64, found float32", |f| {
             instead(f, "grains/mass", &[27], &[1_f32; 27])
@@ -160,10 +175,10 @@ fn senseless_values_are_refused_with_their_place() {
         }),
         ("driven/name: expected type", |f| instead(f, "driven/name", &[4], &[1_u8; 4])),
         // Petabytes that are not there: refused before memory is asked for.
-        ("state/drive: expected plain data", |f| {
-            f.unlink("state/drive").unwrap();
+        ("driver/values: expected plain data", |f| {
+            f.unlink("driver/values").unwrap();
             let huge = f.new_dataset::<f64>().chunk(64).shape(1_usize << 50);
-            huge.create("state/drive").unwrap();
+            huge.create("driver/values").unwrap();
         }),
         ("grains/shape: expected plain data", |f| {
             f.unlink("grains/shape").unwrap();

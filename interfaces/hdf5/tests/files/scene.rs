@@ -4,7 +4,9 @@ use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::*;
 use ballast::state::*;
+use ballast::window_memory::*;
 use ballast_hdf5::checkpoint::{Checkpoint, Kind};
+use std::sync::Arc;
 
 fn turn(x: f64, y: f64, z: f64) -> Quat {
     Quat::from_scaled_axis(Vec3::new(x, y, z))
@@ -99,7 +101,16 @@ pub fn state(model: &Model) -> State {
         memory.local_point.push(Vec3::new(0.01, -0.02, 1.0 / 3.0));
         memory.impulse.push(Vec3::new(-0.0, 1e-9, 2.0 / 7.0));
     }
-    state.drive = vec![0.25, -0.0, 1e-310];
+    let twist = Twist { velocity: Vec3::new(0.5, -0.0, 0.1), angular_velocity: Vec3::zeros() };
+    let bodies = model.driven.len();
+    let reactions = vec![[Vec3::new(1.0, -0.0, 2.0), Vec3::new(0.0, 3.0, 1e-310)]; 2 * bodies];
+    state.window = Arc::new(WindowMemory {
+        twists: (0..bodies).map(|d| (d > 0).then_some(twist)).collect(),
+        reactions: ReactionHistory::from_rows(bodies, reactions).unwrap(),
+        squeezes: vec![SqueezeTrack::default(); 2],
+    });
+    let values = vec![0.25, -0.0, 1e-310];
+    state.driver = Arc::new(DriverState { kind: "test".into(), version: 7, values });
     state.energy.work_in = 0.1 + 0.7;
     state.energy.dissipated = 3.3;
     state

@@ -3,7 +3,7 @@
 use ballast::detection::Contacts;
 use ballast::drive::StepInputs;
 use ballast::step::step;
-use ballast::track::{TampingCycle, deposit::deposit, scene::scene};
+use ballast::track::{TampingCycle, TampingState, deposit::deposit, scene::scene};
 use ballast::workspace::Workspace;
 use ballast_scenario::read_case;
 use std::collections::BTreeSet;
@@ -29,10 +29,11 @@ fn a_whole_cycle_has_the_contacts_of_a_detection_without_caches() {
     let (model, mut state) = scene(&plan, bed).expect("a track");
     let cycle = TampingCycle::new(&plan, &model).expect("a cycle");
     let (mut workspace, mut targets) = (Workspace::default(), Vec::new());
+    let mut tamping = TampingState::default();
     let (mut phases, mut repeated) = (BTreeSet::new(), 0);
     while state.time_ns < plan.run.duration_ns {
         phases.insert(cycle.phase(state.time()).name());
-        cycle.targets(&model, &state, &mut targets);
+        cycle.targets(&model, &state, &tamping, &mut targets);
         let inputs = StepInputs::from_targets(&targets);
         let (mut scratch, mut fresh) = (state.clone(), Workspace::default());
         step(&model, &mut scratch, &inputs, &mut fresh, &mut ()).expect("a good step");
@@ -41,9 +42,7 @@ fn a_whole_cycle_has_the_contacts_of_a_detection_without_caches() {
         assert_eq!(difference(&workspace.contacts, &fresh.contacts), None, "step {}", state.step);
         assert!(state == scratch, "step {}: other states", state.step);
         repeated += report.solve_passes - 1;
-        let mut memory = std::mem::take(&mut state.drive);
-        cycle.observe(&model, &report, &state, &mut memory);
-        state.drive = memory;
+        cycle.observe(&model, &report, &state, &mut tamping);
     }
     assert_eq!(phases.len(), 5, "{phases:?}");
     assert!(repeated > 20, "hardly a step looked twice: {repeated}");

@@ -55,15 +55,15 @@ fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
 
 /// Which run a checkpoint is of, in words; `None` for one that is of no served run.
 pub fn name(path: &Path) -> Outcome<Option<String>> {
-    let kept = checkpoint::read(path)?;
-    let seq = kept.extra.get(SEQ).cloned().unwrap_or_default();
-    Ok(kept.extra.get(RUN_ID).map(|run| format!("run {run} after window {seq}")))
+    let saved = checkpoint::read(path)?;
+    let seq = saved.extra.get(SEQ).cloned().unwrap_or_default();
+    Ok(saved.extra.get(RUN_ID).map(|run| format!("run {run} after window {seq}")))
 }
 
 /// Takes a run up where its checkpoint was written; `lockstep` is at the beginning of the case as it is now.
 pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
-    let kept = checkpoint::read(path)?;
-    let notes = &kept.extra;
+    let saved = checkpoint::read(path)?;
+    let notes = &saved.extra;
     let note = |key: &str| {
         let missing =
             || Failure::at(path, format!("expected a served run's, with {key}, found none"));
@@ -76,7 +76,7 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
     let seq = seq.parse().map_err(|_| no_number(SEQ, seq))?;
     let penetration = note(PENETRATION)?;
     let penetration = penetration.parse().map_err(|_| no_number(PENETRATION, penetration))?;
-    if !Parameters::are_only_difference(lockstep.component().model(), &kept.model) {
+    if !Parameters::are_only_difference(lockstep.component().model(), &saved.model) {
         let what = "expected a run of this case, bed and solver, found one of another; start over with --force";
         return Err(Failure::at(path, what));
     }
@@ -87,11 +87,11 @@ pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
         last_client: note(CLIENT)?.clone(),
         owner_count: owners.parse().map_err(|_| no_number(OWNERS, owners))?,
     };
-    let solver = &kept.model.solver;
+    let solver = &saved.model.solver;
     let (iterations, tolerance) = (solver.max_iterations, solver.tolerance);
     let parameters = Parameters { iterations, tolerance, penetration };
-    let kept = SavedState { state: kept.state.into(), parameters };
-    let result = lockstep.resume(run_id.clone(), seq, kept, memory);
+    let saved = SavedState { state: saved.state.into(), parameters };
+    let result = lockstep.resume(run_id.clone(), seq, saved, memory);
     result.map_err(|e| Failure::at(path, e))
 }
 
@@ -138,9 +138,9 @@ pub fn fresh_run() -> Outcome<String> {
 ///
 /// Refuses another case. Its model may be the same, since zones and squeezes are in none; comments may differ.
 pub fn of_the_run(path: &Path, case: Case, given: CaseOverrides) -> Outcome<Case> {
-    let kept = checkpoint::read(path)?;
-    let case = case.with_overrides(given.or(CaseOverrides::from_notes(&kept.extra)?));
-    let was = Case::parse(kept.case_text, &format!("{}, its case", path.display()))?;
+    let saved = checkpoint::read(path)?;
+    let case = case.with_overrides(given.or(CaseOverrides::from_notes(&saved.extra)?));
+    let was = Case::parse(saved.case_text, &format!("{}, its case", path.display()))?;
     let was = was.with_overrides(case.overrides);
     if was.plan == case.plan {
         return Ok(case);

@@ -3,70 +3,75 @@
 //!
 //! Contract: what is written depends on the case and the step alone, never on where the run was
 //! interrupted; so a resumed run leaves the same records as one in a single go. What is written beside
-//! them never ends a run, see [`Aside`].
+//! them never ends a run, see [`NonFatalErrors`].
 
-use crate::aside::Aside;
 use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
-use crate::dump::Dump;
-use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::{replace_text, shell_word};
 use crate::interrupt;
-use crate::profile::Profile;
+use crate::nonfatal_errors::NonFatalErrors;
+use crate::problem_dump::ProblemDump;
 use crate::progress::{Mark, Progress};
 use crate::recorder::Recorder;
+use crate::run_session::RunSession;
 use crate::summary_text;
 use crate::table::on_threads;
-use crate::taping::{self, Taping};
-use ballast::component;
+use ballast::component::{DrivenWindow, measure_zones};
+use ballast::model::Schedule;
 use ballast::step::StepReport;
+use ballast::track::{TampingCycle, TampingPhase};
 use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
-use ballast_session::machine;
+use ballast_mcap::Drive;
+use ballast_protocol::lockstep::WindowKind;
+use ballast_session::driver::{RunDriver, RunObserver, tamping_driver};
 use ballast_session::run_files::RunFiles;
+use ballast_session::run_recorder::RunRecorder;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// A run in progress.
-pub struct Session {
+pub struct CaseRun {
     console: Console,
     case: Case,
     files: RunFiles,
-    engine: Engine,
+    run: RunSession,
     recorder: Recorder,
-    taping: Option<Taping>,
+    recording: Option<RunRecorder>,
     /// The recording, once it is whole.
     recorded: Option<PathBuf>,
-    dump: Option<Dump>,
+    /// Phase of the cycle in the last step.
+    phase: TampingPhase,
+    dump: Option<ProblemDump>,
     /// Of recording and problems.
-    aside: Aside,
-    profile: Profile,
+    errors: NonFatalErrors,
+    observer: RunObserver,
     /// Step at which this process took over.
     first: u64,
     /// Whether the recording that is replayed had no further step.
     is_over: bool,
 }
 
-impl Session {
+impl CaseRun {
     /// Starts a run or a replay, recorded to the file `record` if there is one: what an earlier one left
     /// in the folder is replaced. What cannot take a step, is over already or cannot be recorded is to be refused before.
     pub fn begin(
         case: Case,
-        engine: Engine,
+        run: RunSession,
         files: RunFiles,
         record: Option<&Path>,
         console: Console,
     ) -> Outcome<Self> {
-        let taping = record.map(|path| Taping::create(path, &case, &engine)).transpose()?;
-        if taping.is_some() {
-            taping::warn_unless_repeatable(&case, console);
+        let recording = record.map(|path| begin_recording(path, &case, &run)).transpose()?;
+        if recording.is_some() {
+            warn_unless_repeatable(&case, console);
         }
         files.remove_all()?;
-        let mut recorder = Recorder::create(&files, &case, engine.model(), engine.state())?;
-        recorder.observe(engine.model(), engine.state(), &Workspace::default())?;
-        Ok(Self::assemble(case, engine, files, recorder, taping, console))
+        let mut recorder = Recorder::create(&files, &case, run.model(), run.state())?;
+        recorder.observe(run.model(), run.state(), &Workspace::default())?;
+        Ok(Self::assemble(case, run, files, recorder, recording, console))
     }
 
     /// Takes a run up at its checkpoint, to go on up to step `last`, if one is given.
@@ -75,45 +80,46 @@ impl Session {
         resumable(path)?;
         let files = RunFiles::beside(path).locked("wait for it")?;
         // Again: up to here another process may have gone on with it.
-        let kept = resumable(path)?;
-        let choices = CaseOverrides::from_notes(&kept.extra)?;
-        let case = case::parse(kept.case_text, &kept.case_name, &choices, &console)?;
-        let (model, state) = (kept.model, kept.state);
+        let saved = resumable(path)?;
+        let choices = CaseOverrides::from_notes(&saved.extra)?;
+        let case = case::parse(saved.case_text, &saved.case_name, &choices, &console)?;
+        let (model, state) = (saved.model, saved.state);
         expect_ahead(last, state.step)?;
-        let cycle = machine::cycle(&case, &model, &state)?;
+        let driver = RunDriver::Cycle(tamping_driver(&case, &model, &state)?);
         let recorder = Recorder::reopen(&files, &case, &model, &state)?;
-        let engine = Engine::machine(model, state, cycle);
-        Ok(Self::assemble(case, engine, files, recorder, None, console))
+        let run = RunSession::new(&case, model, state, driver)?;
+        Ok(Self::assemble(case, run, files, recorder, None, console))
     }
 
     fn assemble(
         case: Case,
-        engine: Engine,
+        run: RunSession,
         files: RunFiles,
         recorder: Recorder,
-        taping: Option<Taping>,
+        recording: Option<RunRecorder>,
         console: Console,
     ) -> Self {
-        let (profile, first) = (Profile::start(), engine.state().step);
-        let (recorded, dump, aside) = (None, None, Aside::new(console));
+        let (first, phase) = (run.state().step, run.phase());
+        let (recorded, dump, errors) = (None, None, NonFatalErrors::new(console));
         Self {
             console,
             case,
             files,
-            engine,
+            run,
             recorder,
-            taping,
+            recording,
             recorded,
+            phase,
             dump,
-            aside,
-            profile,
+            errors,
+            observer: RunObserver::start(),
             first,
             is_over: false,
         }
     }
 
     /// The same session, which keeps contact problems.
-    pub fn dumping(self, dump: Option<Dump>) -> Self {
+    pub fn dumping(self, dump: Option<ProblemDump>) -> Self {
         Self { dump, ..self }
     }
 
@@ -124,8 +130,8 @@ impl Session {
         self.announce(goal);
         let steps = goal.saturating_sub(self.first).max(1) as f64;
         let mut progress = Progress::start(self.console, &self.case.plan.name);
-        while self.engine.state().step < last {
-            self.profile.output();
+        while self.run.state().step < last {
+            self.observer.profile.output();
             let report = match self.step() {
                 Ok(Some(report)) => report,
                 Ok(None) => {
@@ -138,7 +144,7 @@ impl Session {
                 }
                 Err(failure) => return Err(failure),
             };
-            let step = self.engine.state().step;
+            let step = self.run.state().step;
             if step == self.first + 1 {
                 // It is about the steps before.
                 self.files.remove_end()?;
@@ -150,7 +156,7 @@ impl Session {
                 return self.stop();
             }
             let due = self.is_due(self.case.plan.run.checkpoint_ns);
-            if step < last && due && self.engine.playback().is_none() {
+            if step < last && due && self.run.recording().is_none() {
                 self.checkpoint()?;
             }
         }
@@ -160,70 +166,82 @@ impl Session {
 
     /// Steps of the whole: of the recording, where its end is known or told, or of the case.
     fn whole(&self) -> u64 {
-        let told = || Some(self.step_at(self.engine.playback()?.told_end_ns()?));
+        let told = || Some(self.step_at(self.run.recording()?.stated_end_ns()?));
         self.end().or_else(told).unwrap_or(self.case.steps())
     }
 
     /// The last step of case or recording, where it is known.
     fn end(&self) -> Option<u64> {
-        match self.engine.playback() {
+        match self.run.recording() {
             None => Some(self.case.steps()),
-            Some(_) if self.is_over => Some(self.engine.state().step),
-            Some(playback) => Some(self.step_at(playback.end_ns()?)),
+            Some(_) if self.is_over => Some(self.run.state().step),
+            Some(recording) => Some(self.step_at(recording.end_ns()?)),
         }
     }
 
     /// The last step that ends by a time that is not over.
     fn step_at(&self, time_ns: u64) -> u64 {
-        let (state, step_ns) = (self.engine.state(), self.engine.model().stepping.step_ns);
+        let (state, step_ns) = (self.run.state(), self.run.model().stepping.step_ns);
         state.step + time_ns.saturating_sub(state.time_ns) / step_ns.max(1)
     }
 
     /// Takes a step and records it; `None` where the recording that is replayed ends.
     fn step(&mut self) -> Outcome<Option<StepReport>> {
-        let stepped = self.engine.step(&mut self.profile).map_err(|e| {
-            let (step, folder) = (self.engine.state().step, self.files.folder.display());
+        let stepped = self.run.step(&mut self.observer).map_err(|e| {
+            let (step, folder) = (self.run.state().step, self.files.folder.display());
             e.with(&format!("; the records up to step {step} are kept in {folder}"))
         })?;
-        let Some(stepped) = stepped else { return Ok(None) };
-        let engine = &self.engine;
-        let (model, state, workspace) = (engine.model(), engine.state(), engine.workspace());
-        self.recorder.step(model, state, &stepped.report, engine.phase())?;
+        let Some((window, report)) = stepped else { return Ok(None) };
+        let run = &self.run;
+        let (model, state, workspace) = (run.model(), run.state(), run.component().workspace());
+        let phase = run.phase();
+        self.recorder.step(model, state, &report, phase)?;
         let due = self.is_due(self.case.plan.run.output_ns);
         if due {
             self.recorder.observe(model, state, workspace)?;
         }
         if let Some(dump) = &self.dump {
-            let kept = dump.step(&self.case.plan.name, engine);
-            if !self.aside.went_well("problems", kept) {
+            let saved = dump.step(&self.case.plan.name, run);
+            if !self.errors.report("problems", saved) {
                 self.dump = None;
             }
         }
-        if let Some(taping) = &mut self.taping {
-            let zones = due.then(|| self.recorder.zones());
-            let recorded = taping.step(&self.engine, &stepped, zones);
-            if !self.aside.went_well("recording", recorded) {
-                self.taping = None;
+        if let Some(recording) = &mut self.recording {
+            let DrivenWindow { inputs, mut result } = window;
+            if due {
+                result.zones = measure_zones(model, state, self.recorder.zones());
+            }
+            let component = run.component();
+            let recorded = recording.window(component, WindowKind::Advance, &inputs, &result);
+            let recorded = recorded.and_then(|()| {
+                if phase == self.phase {
+                    return Ok(());
+                }
+                recording.log(state.time_ns, &format!("phase: {}", phase.name()))
+            });
+            if !self.errors.report("recording", recorded.map_err(Failure::from)) {
+                self.recording = None;
             }
         }
-        Ok(Some(stepped.report))
+        self.phase = phase;
+        Ok(Some(report))
     }
 
     /// Whether something that happens every `interval` (ns) of simulated time is due. The end of
     /// the case is always due: what it shows must not depend on the interval.
     fn is_due(&self, interval: u64) -> bool {
-        let state = self.engine.state();
+        let state = self.run.state();
         let ended = state.step == self.case.steps();
         ended || (interval > 0 && state.time_ns.is_multiple_of(interval))
     }
 
     fn mark(&self, report: &StepReport, progress: &Progress) -> RunMark {
-        let state = self.engine.state();
-        let simulated = (state.step - self.first) as f64 * self.engine.model().stepping.h();
+        let state = self.run.state();
+        let simulated = (state.step - self.first) as f64 * self.run.model().stepping.h();
         RunMark {
             step: state.step,
             time: state.time(),
-            phase: self.engine.phase().name().to_string(),
+            phase: self.run.phase().name().to_string(),
             contacts: report.contacts,
             iterations: report.iterations,
             residual: report.residuals.qm16(),
@@ -232,7 +250,7 @@ impl Session {
     }
 
     fn announce(&self, last: u64) {
-        let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
+        let (name, grains) = (&self.case.plan.name, self.run.model().grains.len());
         let threads = rayon::current_num_threads();
         let workers = on_threads(threads);
         self.console
@@ -249,19 +267,19 @@ impl Session {
     /// Writes the checkpoint; all records that it relies on are handed over first.
     fn checkpoint(&mut self) -> Outcome {
         self.recorder.secure()?;
-        let (model, state) = (self.engine.model(), self.engine.state());
-        let kept = self.case.checkpoint(model, state, BTreeMap::new());
+        let (model, state) = (self.run.model(), self.run.state());
+        let saved = self.case.checkpoint(model, state, BTreeMap::new());
         let path = self.files.checkpoint();
-        checkpoint::write(&path, &kept)?;
+        checkpoint::write(&path, &saved)?;
         crate::panic_hook::set_checkpoint(path.clone());
-        self.console.event("checkpoint", json!({ "step": self.engine.state().step, "path": path }));
+        self.console.event("checkpoint", json!({ "step": self.run.state().step, "path": path }));
         Ok(())
     }
 
     fn stop(mut self) -> Outcome {
         self.end_recording();
-        let (step, all) = (self.engine.state().step, self.case.steps());
-        let text = if self.engine.playback().is_some() {
+        let (step, all) = (self.run.state().step, self.case.steps());
+        let text = if self.run.recording().is_some() {
             self.recorder.secure()?;
             format!("stopped after step {step}; a replay starts from the beginning again")
         } else {
@@ -269,28 +287,28 @@ impl Session {
             let path = shell_word(self.files.checkpoint());
             format!("stopped cleanly after step {step} of {all}; go on with: ballast resume {path}")
         };
-        Err(match self.aside.trouble() {
+        Err(match self.errors.first_error() {
             Some(failure) => failure.with(&format!("; {text}")),
             None => Failure::Interrupted(text),
         })
     }
 
     fn end_recording(&mut self) {
-        if let Some(taping) = self.taping.take() {
-            let ended = taping.finish().map(|path| self.recorded = Some(path));
-            self.aside.went_well("recording", ended);
+        if let Some(recording) = self.recording.take() {
+            let ended = recording.finish().map(|path| self.recorded = Some(path));
+            self.errors.report("recording", ended.map_err(Failure::from));
         }
     }
 
     fn finish(mut self, expected: Option<u128>) -> Outcome {
-        self.recorder.observe_end(self.engine.model(), self.engine.state());
+        self.recorder.observe_end(self.run.model(), self.run.state());
         let mut damage = None;
-        match self.engine.playback() {
+        match self.run.recording() {
             None => self.checkpoint()?,
-            Some(playback) => {
+            Some(recording) => {
                 // No checkpoint: `resume` would hand the bodies over to the machine of the case.
-                if let Some(lost) = playback.lost() {
-                    let path = playback.path();
+                if let Some(lost) = recording.lost() {
+                    let path = recording.path();
                     match lost.is_cut {
                         true => self.console.warning(&format!("{}: {lost}", path.display())),
                         false => damage = Some(Failure::at(path, format!("it is damaged: {lost}"))),
@@ -300,12 +318,12 @@ impl Session {
             }
         }
         self.end_recording();
-        self.profile.output();
-        let state = self.engine.hash();
+        self.observer.profile.output();
+        let state = self.run.hash();
         let hash = format!("{state:032x}");
         let summary = self.summary(&hash);
         replace_text(&self.files.summary(), &format!("{summary:#}\n"))?;
-        if self.engine.state().step == self.first {
+        if self.run.state().step == self.first {
             self.console.note("nothing was left to be computed");
         }
         self.console.event("done", summary);
@@ -314,25 +332,25 @@ impl Session {
             Some(expected) if expected != state => Err(Failure::Mismatch(format!(
                 "the final state has hash {hash}, expected {expected:032x}"
             ))),
-            _ => damage.or(self.aside.trouble()).map_or(Ok(()), Err),
+            _ => damage.or(self.errors.first_error()).map_or(Ok(()), Err),
         }
     }
 
     /// Whether this is the end of the case, or of a recording that is whole.
     fn is_complete(&self) -> bool {
-        let lost = self.engine.playback().and_then(|playback| playback.lost());
-        lost.is_none() && self.engine.state().step == self.whole()
+        let lost = self.run.recording().and_then(|recording| recording.lost());
+        lost.is_none() && self.run.state().step == self.whole()
     }
 
     fn summary(&self, hash: &str) -> Value {
         let mut summary = json!({
-            "case": self.case.plan.name, "grains": self.engine.model().grains.len(),
+            "case": self.case.plan.name, "grains": self.run.model().grains.len(),
             "state_hash": hash, "complete": self.is_complete(),
         });
         let timing = self.timing_of_before(hash).unwrap_or_else(|| {
             json!({
                 "from_step": self.first, "threads": rayon::current_num_threads(),
-                "wall_s": self.profile.steps().wall.as_secs_f64(), "phases": self.profile.json(),
+                "wall_s": self.observer.profile.steps().wall.as_secs_f64(), "phases": self.observer.profile.json(),
             })
         });
         if let (Some(all), Value::Object(figures)) =
@@ -347,7 +365,7 @@ impl Session {
 
     /// What the summary that is there says of the time this state took, where nothing was computed since.
     fn timing_of_before(&self, hash: &str) -> Option<Value> {
-        if self.engine.state().step > self.first {
+        if self.run.state().step > self.first {
             return None;
         }
         let mut summary = self.files.read_summary()?;
@@ -356,15 +374,15 @@ impl Session {
 
     fn text(&self, hash: &str) -> String {
         let figures = summary_text::text(self.recorder.summary());
-        let (step, time) = (self.engine.state().step, self.engine.state().time());
+        let (step, time) = (self.run.state().step, self.run.state().time());
         let profile = match step - self.first {
             0 => String::new(),
-            steps => summary_text::profile(&self.profile, steps),
+            steps => summary_text::profile(&self.observer.profile, steps),
         };
-        let is_resumable = self.engine.playback().is_none();
+        let is_resumable = self.run.recording().is_none();
         let (frames, recorded) = (self.case.plan.run.output_ns > 0, self.recorded.as_deref());
         let files = summary_text::pointers(&self.files, frames, is_resumable, recorded);
-        let (name, grains) = (&self.case.plan.name, self.engine.model().grains.len());
+        let (name, grains) = (&self.case.plan.name, self.run.model().grains.len());
         // A replay may begin within a run.
         let since = match self.recorder.summary().from_step {
             0 => String::new(),
@@ -380,26 +398,26 @@ impl Session {
 
 /// The checkpoint of a run that the case's machine drives.
 fn resumable(path: &Path) -> Outcome<Checkpoint> {
-    let kept = checkpoint::read(path)?;
-    if kept.kind != Kind::Run {
+    let saved = checkpoint::read(path)?;
+    if saved.kind != Kind::Run {
         let what = format!(
             "it is a {}, not the checkpoint of a run; start from it with `ballast run CASE`",
-            kept.kind.name()
+            saved.kind.name()
         );
         return Err(Failure::at(path, what));
     }
-    if case::is_served(&kept) {
+    if case::is_served(&saved) {
         let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
         return Err(Failure::at(path, what));
     }
-    if component::is_remembered(&kept.state) {
+    if saved.state.step > 0 && saved.state.driver.kind != TampingCycle::KIND {
         let what = format!(
-            "its run was stepped through the component (from Python); go on there with `ballast.resume({:?})`",
+            "expected a run that the case's tamping cycle moved, found another driver; continue it in Python with `ballast.resume({:?})`",
             path.display().to_string()
         );
         return Err(Failure::at(path, what));
     }
-    Ok(kept)
+    Ok(saved)
 }
 
 /// Refuses to end at step `last`, if one is given, where more are `done`: before anything of them is replaced or cut.
@@ -409,6 +427,25 @@ pub fn expect_ahead(last: Option<u64>, done: u64) -> Outcome {
             "--steps {last}: expected at least {done}, the steps that are done"
         ))),
         _ => Ok(()),
+    }
+}
+
+/// Starts the recording of a session.
+fn begin_recording(path: &Path, case: &Case, run: &RunSession) -> Outcome<RunRecorder> {
+    let drive = match run.recording() {
+        Some(recording) if !recording.is_of_the_cycle() => Drive::Inputs,
+        _ => Drive::Case,
+    };
+    let mut recording = RunRecorder::create(path, case, run.component(), drive)?;
+    let text = format!("{}: {} grains", case.plan.name, run.model().grains.len());
+    recording.log(run.state().time_ns, &text)?;
+    Ok(recording)
+}
+
+/// Warns where a recording cannot be computed again to the same bytes.
+pub fn warn_unless_repeatable(case: &Case, console: Console) {
+    if case.plan.run.solver.schedule == Schedule::Asynchronous {
+        console.warning("--record: steps are solved asynchronously: `ballast verify` cannot repeat the recording");
     }
 }
 

@@ -1,29 +1,29 @@
 //! The recording of a run that others drive.
 //!
-//! Contract: what `ballast verify` computes from the file's beginning on is what is recorded, see [`Redoable`].
+//! Contract: what `ballast verify` computes from the file's beginning on is what is recorded, see [`WindowRecorder`].
 //! Where the run goes elsewhere (restore, reset, init) the file ends, and the next one begins: NAME.2.mcap,
 //! NAME.3.mcap. A file that does not begin where the case does holds the checkpoint from which it goes on.
 //! A process that takes a run up writes beside what the one before it has recorded.
 
-use super::kept;
+use super::served_checkpoint;
 use crate::case::Case;
 use crate::exit::Outcome;
-use ballast_mcap::{Drive, Meta, Redoable, Tape};
+use ballast_mcap::{Drive, Meta, WindowRecorder};
 use ballast_protocol::lockstep::{Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use std::path::{Path, PathBuf};
 
 /// The open recording.
-pub struct Recording {
+pub struct ServedRecording {
     path: PathBuf,
     /// Files begun; whether those of the process before are kept.
     parts: u32,
     resumes: bool,
     /// `None` before anything is configured.
-    windows: Option<Redoable>,
+    windows: Option<WindowRecorder>,
 }
 
-impl Recording {
+impl ServedRecording {
     /// The recording at `path`, if there is to be one; it begins when there is something to record.
     pub fn create(
         path: Option<&Path>,
@@ -34,7 +34,7 @@ impl Recording {
         let Some(path) = path else { return Ok(None) };
         let mut recording = Self { path: path.into(), parts: 0, resumes, windows: None };
         if lockstep.is_configured() {
-            recording.part(case, lockstep)?;
+            recording.start_new_file(case, lockstep)?;
         }
         Ok(Some(recording))
     }
@@ -52,13 +52,13 @@ impl Recording {
         windows.window(model, kind, request, reply, state)?;
         if !reply.status.is_kept() {
             let text = format!("window {} taken back: {}", reply.seq, reply.message);
-            windows.tape().log(component.now_ns(), &text)?;
+            windows.log(component.now_ns(), &text)?;
         }
         Ok(())
     }
 
     /// The run begins, or goes on from another state, or in another bed of the case.
-    pub fn part(&mut self, case: &Case, lockstep: &Lockstep) -> Outcome {
+    pub fn start_new_file(&mut self, case: &Case, lockstep: &Lockstep) -> Outcome {
         if let Some(windows) = &mut self.windows {
             windows.settle()?;
         }
@@ -71,7 +71,7 @@ impl Recording {
     }
 
     pub fn finish(self) -> Outcome {
-        Ok(self.windows.map_or(Ok(()), Redoable::finish)?)
+        Ok(self.windows.map_or(Ok(()), WindowRecorder::finish)?)
     }
 }
 
@@ -87,7 +87,7 @@ fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
     let stem = if is_ending { path.with_extension("") } else { path.into() };
     loop {
         *parts += 1;
-        let part: PathBuf = match *parts {
+        let start_new_file: PathBuf = match *parts {
             1 => path.into(),
             n => {
                 let mut name = stem.clone().into_os_string();
@@ -95,19 +95,18 @@ fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
                 name.into()
             }
         };
-        if !(resumes && part.exists()) {
-            return part;
+        if !(resumes && start_new_file.exists()) {
+            return start_new_file;
         }
     }
 }
 
-fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Redoable> {
+fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<WindowRecorder> {
     let (model, state) = (lockstep.component().model(), lockstep.component().state());
     let hash = ballast_hdf5::state_hash(model, state).into();
     let meta = Meta::of(case.identity(), case.overrides.to_notes(), model, Drive::Inputs, hash);
-    let checkpoint = || kept::bytes(path, case, lockstep);
-    let tape = Tape::begin(path, &case.plan, &meta, model, state, checkpoint)?;
-    Ok(Redoable::new(tape, case.plan.run.output_ns, model, state)?)
+    let checkpoint = || served_checkpoint::bytes(path, case, lockstep);
+    Ok(WindowRecorder::begin(path, &case.plan, &meta, model, state, checkpoint)?)
 }
 
 #[cfg(test)]

@@ -7,28 +7,28 @@ use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 
 /// What has gone wrong so far.
-pub struct Aside {
+pub struct NonFatalErrors {
     console: Console,
     /// The first of it.
-    trouble: Option<Failure>,
+    first: Option<Failure>,
 }
 
-impl Aside {
+impl NonFatalErrors {
     pub fn new(console: Console) -> Self {
-        Self { console, trouble: None }
+        Self { console, first: None }
     }
 
     /// Whether it went well; tells it if it did not.
-    pub fn went_well(&mut self, what: &str, result: Outcome) -> bool {
+    pub fn report(&mut self, what: &str, result: Outcome) -> bool {
         let Err(failure) = result else { return true };
         let more = "; the run goes on without it";
         self.console.warning(&format!("{what}: {failure}{more}"));
-        self.trouble.get_or_insert_with(|| failure.with("; the run went on without it"));
+        self.first.get_or_insert_with(|| failure.with("; the run went on without it"));
         false
     }
 
     /// What the program ends with, if anything went wrong.
-    pub fn trouble(&mut self) -> Option<Failure> {
-        self.trouble.take()
+    pub fn first_error(&mut self) -> Option<Failure> {
+        self.first.take()
     }
 }

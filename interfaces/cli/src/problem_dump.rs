@@ -3,9 +3,9 @@
 //! Reads: the workspace of a step. Writes: one file per problem. Contract: dumping changes no bit of the run; the
 //! problem is the one that was solved, without the impulses that its solution started from.
 
-use crate::engine::Engine;
 use crate::exit::{Failure, Outcome};
 use crate::files::create_folder;
+use crate::run_session::RunSession;
 use ballast::nlgs::assembled_problem::AssembledProblem;
 use ballast::track::TampingPhase;
 use ballast_hdf5::fclib::{self, Storage};
@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 /// Which problems are kept, and where.
 #[derive(Debug, Clone)]
-pub struct Dump {
+pub struct ProblemDump {
     folder: PathBuf,
     /// Steps from one to the next.
     every: u64,
@@ -21,7 +21,7 @@ pub struct Dump {
     phases: Vec<TampingPhase>,
 }
 
-impl Dump {
+impl ProblemDump {
     /// Makes the folder; files of an earlier run in it are kept unless they have the same name.
     pub fn to(folder: PathBuf, every: u64, phases: Vec<TampingPhase>) -> Outcome<Self> {
         create_folder(&folder)?;
@@ -29,10 +29,10 @@ impl Dump {
     }
 
     /// Keeps the problem of the step that was just taken, if it is one of those wanted and has contacts.
-    pub fn step(&self, name: &str, engine: &Engine) -> Outcome {
-        let (state, phase) = (engine.state(), engine.phase());
+    pub fn step(&self, name: &str, run: &RunSession) -> Outcome {
+        let (state, phase) = (run.state(), run.phase());
         let wanted = self.phases.is_empty() || self.phases.contains(&phase);
-        let problem = engine.workspace().problem();
+        let problem = run.component().workspace().problem();
         if !wanted || !state.step.is_multiple_of(self.every) || problem.contacts.is_empty() {
             return Ok(());
         }

@@ -9,7 +9,12 @@ use ballast_hdf5::checkpoint;
 use ballast_mcap::recording::Windows;
 
 /// Model and state at the beginning of `windows`; `model` and `state` are those of the case.
-pub fn of(windows: &Windows, case: &Case, model: Model, state: State) -> Outcome<(Model, State)> {
+pub fn initial_scene(
+    windows: &Windows,
+    case: &Case,
+    model: Model,
+    state: State,
+) -> Outcome<(Model, State)> {
     let Some(bytes) = windows.start() else {
         // What is damaged may have been the start.
         let begins_here =
@@ -22,10 +27,10 @@ pub fn of(windows: &Windows, case: &Case, model: Model, state: State) -> Outcome
             _ => Ok((model, state)),
         };
     };
-    let kept = checkpoint::from_bytes(bytes);
-    let kept = kept.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
-    if Parameters::are_only_difference(&model, &kept.model) {
-        return Ok((kept.model, kept.state));
+    let saved = checkpoint::from_bytes(bytes);
+    let saved = saved.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
+    if Parameters::are_only_difference(&model, &saved.model) {
+        return Ok((saved.model, saved.state));
     }
     let name = &case.plan.name;
     let what = format!("it goes on in another case, bed or with another solver than {name}");

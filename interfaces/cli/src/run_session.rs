@@ -1,0 +1,69 @@
+//! Run of a case: its component, and the driver that moves the bodies.
+
+use crate::case::{self, Case};
+use crate::exit::Outcome;
+use ballast::component::{Component, DrivenWindow, Session};
+use ballast::model::Model;
+use ballast::state::State;
+use ballast::step::StepReport;
+use ballast::track::TampingPhase;
+use ballast_session::driver::{self, RunDriver, RunObserver};
+use ballast_session::recording_driver::RecordingDriver;
+use std::sync::Arc;
+
+/// Session of a run or a replay.
+pub struct RunSession(Session<RunDriver>);
+
+impl RunSession {
+    /// Joins the component of a case at `state` with its driver.
+    pub fn new(case: &Case, model: Model, state: State, driver: RunDriver) -> Outcome<Self> {
+        Ok(Self(Session::new(case::component(case, Arc::new(model), state)?, driver)))
+    }
+
+    pub fn component(&self) -> &Component {
+        self.0.component()
+    }
+
+    pub fn model(&self) -> &Model {
+        self.component().model()
+    }
+
+    pub fn state(&self) -> &State {
+        self.component().state()
+    }
+
+    /// Returns the hash of model and state.
+    pub fn hash(&self) -> u128 {
+        ballast_hdf5::state_hash(self.model(), self.state())
+    }
+
+    /// Returns the phase of the case's cycle; `Done` where something else moves the bodies.
+    pub fn phase(&self) -> TampingPhase {
+        self.0.driver().phase(self.state().time())
+    }
+
+    /// Returns the recording that is replayed, if one is.
+    pub fn recording(&self) -> Option<&RecordingDriver> {
+        self.0.driver().recording()
+    }
+
+    /// Refuses a recording that cannot move the bodies through the next step; nothing is computed.
+    pub fn check_first_step(&mut self) -> Outcome {
+        let (driver, component) = self.0.parts_mut();
+        match driver {
+            RunDriver::Cycle(_) => Ok(()),
+            RunDriver::Recording { recording, .. } => recording.check_first_step(component),
+        }
+    }
+
+    /// Advances one step; `None` where the recording ends.
+    ///
+    /// # Errors
+    /// `Failure::Interrupted` where a stop was requested within the step, which is then not done; failed steps.
+    pub fn step(
+        &mut self,
+        observer: &mut RunObserver,
+    ) -> Outcome<Option<(DrivenWindow, StepReport)>> {
+        driver::step(&mut self.0, observer, RunDriver::failure)
+    }
+}
