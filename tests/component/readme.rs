@@ -1,4 +1,4 @@
-//! What README shows of the library compiles and does what it says.
+//! Rust code of README, compiled and run.
 
 use crate::{MS, floor, heap, shaken};
 use ballast::drive::StepInputs;
@@ -21,14 +21,14 @@ fn a_step_and_windows_as_shown() -> Result<(), Box<dyn std::error::Error>> {
     let tine: MotionInput = shaken(floor(&given), 0, 5 * MS);
     let better_guess = tine.clone();
     let mut ballast = Component::new(model.into(), state, Limits::default())?;
-    let outcome = ballast.advance_to(4_000_000, &[tine])?;
-    assert_eq!(outcome.status, WindowStatus::Ok);
-    if outcome.status == WindowStatus::Ok {
-        let force = outcome.bodies[0].mean_force;
+    let result = ballast.advance_to(4_000_000, &[tine])?;
+    assert_eq!(result.status, WindowStatus::Ok);
+    if result.status == WindowStatus::Ok {
+        let force = result.bodies[0].mean_force;
         assert!(force.z < 0.0, "{force}");
     }
-    let again = ballast.redo(&[better_guess])?;
-    assert_eq!(again.bodies, outcome.bodies);
+    let repeated = ballast.redo(&[better_guess])?;
+    assert_eq!(repeated.bodies, result.bodies);
     Ok(())
 }
 
