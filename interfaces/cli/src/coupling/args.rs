@@ -1,4 +1,4 @@
-//! The command line of what speaks over Zenoh.
+//! The command line of the commands that use Zenoh.
 
 use crate::args::{BedCacheArgs, OverrideArgs};
 use ballast_zenoh::SessionConfig;
@@ -7,19 +7,19 @@ use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Duration;
 
-/// How to reach others, as for any Zenoh program.
+/// Endpoints of the Zenoh session.
 #[derive(Debug, Clone, Args)]
 pub struct Endpoints {
     /// Connect to this endpoint (tcp/HOST:PORT); may be given several times
     #[arg(long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
-    /// Be a client of the Zenoh router at this endpoint, through which partners find each other
+    /// Connect as client to the Zenoh router at this endpoint
     #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["connect", "listen"])]
     pub router: Option<String>,
     /// Listen on this endpoint; may be given several times
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
-    /// Zenoh configuration (JSON5): TLS, users, scouting, and everything else
+    /// Zenoh configuration file (JSON5), for TLS, users, scouting and other settings
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 }
@@ -30,12 +30,12 @@ impl Endpoints {
         SessionConfig { config, listen, connect, router, ..SessionConfig::default() }
     }
 
-    /// For those who are looked for: without a word, on the loopback.
+    /// Returns the configuration of a server, which listens on the loopback by default.
     pub fn to_listen(&self) -> SessionConfig {
         self.link().or_listen_on_default()
     }
 
-    /// For those who look: without a word, on the loopback.
+    /// Returns the configuration of a client, which connects to the loopback by default.
     pub fn to_connect(&self) -> SessionConfig {
         self.link().or_connect_to_default()
     }
@@ -50,32 +50,32 @@ pub struct ServeArgs {
     pub key: String,
     #[command(flatten)]
     pub endpoints: Endpoints,
-    /// Folder of the run's files; by default runs/<name of the case>-serve
+    /// Folder of the run's files (default: runs/<name of the case>-serve)
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub beds: BedCacheArgs,
     #[command(flatten)]
     pub overrides: OverrideArgs,
-    /// Go on from the checkpoint in the folder, if there is one
+    /// Continue from the checkpoint in the folder, if there is one
     #[arg(long, conflicts_with = "force")]
     pub resume: bool,
-    /// Start over even if the folder holds the checkpoint of another run
+    /// Replace the checkpoint of another run in the folder
     #[arg(long)]
     pub force: bool,
-    /// Write a checkpoint if the last one is so old, s of wall time, and something has changed; 0: after every window
+    /// Minimum wall time between checkpoints in seconds (0: after every window)
     #[arg(long, value_name = "S", default_value = "30", value_parser = seconds)]
     pub checkpoint_every: Duration,
-    /// Send pictures for viewers from a session of its own that listens here (tcp/127.0.0.1:7448)
+    /// Publish pictures for viewers in a separate session that listens on this endpoint (tcp/127.0.0.1:7448)
     #[arg(long, value_name = "ENDPOINT")]
     pub viewer: Option<String>,
-    /// Shortest time between two pictures, s of wall time
+    /// Minimum wall time between two pictures in seconds
     #[arg(long, value_name = "S", default_value = "0.2", value_parser = seconds, requires = "viewer")]
     pub viewer_interval: Duration,
-    /// Wait until a partner asks for `init` before the bed is prepared
+    /// Prepare the bed only at the `init` request of a partner
     #[arg(long)]
     pub defer_init: bool,
-    /// Record the run in an MCAP file, which is replaced; with --resume the next free NAME.2.mcap, NAME.3.mcap
+    /// Record the run in this MCAP file, which is replaced; with --resume in the next free NAME.2.mcap, NAME.3.mcap
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
 }
@@ -99,16 +99,16 @@ pub struct TopArgs {
     pub key: String,
     #[command(flatten)]
     pub endpoints: Endpoints,
-    /// End after so many pictures, two per second
+    /// End after this number of tables, two per second
     #[arg(long, value_name = "N")]
     pub count: Option<NonZeroU32>,
 }
 
 #[derive(Debug, Args)]
 pub struct DoctorArgs {
-    /// Case file (TOML) to look at, too
+    /// Case file (TOML) to check
     pub case: Option<PathBuf>,
-    /// Component that should be there, SITE/ID
+    /// Component to connect to, SITE/ID
     #[arg(long, value_name = "SITE/ID")]
     pub key: Option<String>,
     #[command(flatten)]
