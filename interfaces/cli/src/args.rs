@@ -74,7 +74,7 @@ pub enum Command {
     Report(ReportArgs),
     /// Validate the program against exact laws, published experiments and convergence
     Validate(ValidateArgs),
-    /// Export a results file as CSV tables and STL shapes
+    /// Export a results file as CSV tables and VTK shapes
     Export(ExportArgs),
     /// Solve friction-contact problems (FCLIB, HDF5) and measure the errors
     Solve(SolveArgs),
@@ -85,7 +85,10 @@ pub enum Command {
         protocol: bool,
     },
     /// Print the completion script of a shell
-    Completions { shell: clap_complete::Shell },
+    Completions {
+        /// Shell
+        shell: clap_complete::Shell,
+    },
     /// Write the manual pages of all commands
     #[command(hide = true)]
     Man {

@@ -1,4 +1,4 @@
-//! What the commands print.
+//! Output of the commands.
 
 use crate::setup::{CASE, Place, STEPS};
 use serde_json::Value;

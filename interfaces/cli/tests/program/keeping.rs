@@ -1,4 +1,4 @@
-//! What is there is kept: no slip of the command line costs files, and one process writes a run.
+//! Protection of files: no mistyped command destroys files, and one process writes a run.
 
 use crate::setup::{Place, STEPS};
 use serde_json::Value;
@@ -20,7 +20,7 @@ fn one_process_writes_a_run() {
         assert!(said.contains("another process writes a run there"), "{said}");
     }
     assert_eq!(place.hash("run"), hash);
-    // Reading disturbs nobody.
+    // Reading needs no lock.
     place.call("inspect run/results.vtkhdf").with_code(0);
     place.call("report run").with_code(0);
     assert!(new.exists());
@@ -53,7 +53,7 @@ fn what_cannot_be_begun_costs_nothing() {
         assert_eq!(place.text("run/summary.json"), summary, "{more}");
         place.call(&format!("resume run/checkpoint.h5 --expect-hash {hash}")).with_code(0);
     }
-    // Stopped where it was told to, and to be gone on with.
+    // Stopped by --steps, to be continued.
     place.run("--out part --steps 20").with_code(0);
     let said = place.run("--out part --steps 30").with_code(2).stderr();
     assert!(said.contains("unfinished run") && said.contains("ballast resume"), "{said}");
@@ -170,7 +170,7 @@ fn an_export_leaves_no_frames_of_the_one_before() {
         names
     };
     let short = frames("short");
-    std::fs::write(place.path("shapes/grains_9999.vtp"), "somebody's").unwrap();
+    std::fs::write(place.path("shapes/grains_9999.vtp"), "other").unwrap();
     assert!(frames("long").len() > short.len() + 1);
     let again = frames("short");
     assert!(again.contains(&"grains_9999.vtp".to_string()), "it was listed by no export");
@@ -182,7 +182,7 @@ fn an_export_leaves_no_frames_of_the_one_before() {
     place.with_beds("run still.toml --out still --steps 3").with_code(0);
     assert!(frames("still").iter().all(|name| name.ends_with(".csv") || name.contains("9999")));
     // What another program has listed is not ours to remove.
-    std::fs::write(place.path("shapes/mine.vtp"), "somebody's").unwrap();
+    std::fs::write(place.path("shapes/mine.vtp"), "other").unwrap();
     let list = "<Collection><DataSet file=\"mine.vtp\"/></Collection>";
     std::fs::write(place.path("shapes/frames.pvd"), list).unwrap();
     assert!(frames("short").contains(&"mine.vtp".to_string()));

@@ -136,7 +136,7 @@ fn a_recording_is_verified_as_a_whole_and_in_part() {
     std::fs::write(place.path("damaged.mcap"), damaged).unwrap();
     let said = verify(&place, "damaged.mcap").with_code(1).stderr();
     assert!(said.contains("windows are equal, the rest is damaged"), "{said}");
-    // It is replayed as far as it is sound, and nobody takes that for the whole.
+    // It is replayed up to the damage, and not reported as complete.
     let said = replay(&place, "damaged.mcap --out damaged").with_code(1).stderr();
     assert!(said.contains("damaged.mcap: it is damaged"), "{said}");
     assert!(place.summary("damaged")["steps"].as_u64().unwrap() < STEPS);
@@ -330,7 +330,7 @@ fn the_choices_of_the_command_line_are_part_of_a_recording() {
     verify(&place, "run.mcap").with_code(0);
 }
 
-/// Poses of a body that goes up from where it is for so many steps, at 1 kHz, by so much in each.
+/// Poses of a body that rises by equal distances for a number of steps, at 1 kHz.
 fn rising(place: &Place, from: PoseStamped, steps: u64, by: f64) {
     let mut writer = Writer::create(&place.path("rising.mcap"), None).unwrap();
     for i in 0..=steps {
@@ -442,7 +442,7 @@ fn the_recorded_machine_moves_the_first_example() {
     let ended = place.with_beds(&command).with_code(0);
     assert_eq!(ended.stderr().matches("601 poses, cubic").count(), 3, "{}", ended.stderr());
     assert_eq!(place.summary("here")["steps"], 12);
-    // Steps of 0.8 ms meet a knot every 4 ms, where the file tells a velocity.
+    // Steps of 0.8 ms meet a knot every 4 ms, where the file has a velocity.
     place.call("verify here.mcap").with_code(0);
     let hash = place.hash("here");
     place.with_beds(&format!("replay here.mcap --out again --expect-hash {hash}")).with_code(0);
@@ -460,7 +460,7 @@ fn bad_files_end_with_their_codes() {
             place.with_beds(&format!("{command} none.mcap --case tiny.toml")).with_code(1).stderr();
         assert!(said.contains("none.mcap"), "{said}");
     }
-    // Poses do not tell whose they are.
+    // Poses have no case.
     let poses = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/recorded_tamping.mcap");
     let said = place.with_beds(&format!("replay {poses}")).with_code(2).stderr();
     assert!(said.contains("--case"), "{said}");

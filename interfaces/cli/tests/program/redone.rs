@@ -32,7 +32,7 @@ fn a_redo_of_a_window_that_a_checkpoint_holds_survives_a_kill() {
     serving = Serving::start(&place, &endpoint, &format!("{arguments} --resume"));
     let timeouts = Timeouts { disconnect: Duration::from_secs(30), ..Timeouts::default() };
     let line = Connection::open(KEY, &SessionConfig::connect_to(&endpoint), timeouts).unwrap();
-    // Ready as it says, it tells of this run.
+    // Its status is that of this run.
     let status = line.status().unwrap();
     assert_eq!(status.state, ComponentState::Idle);
     assert_eq!((&status.position, status.durable_seq), (&redone, redone.seq));
@@ -65,7 +65,7 @@ fn what_a_redone_window_had_told_is_forgotten_and_a_run_without_windows_is_no_da
     let place = Place::new();
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out s --record s.mcap");
-    // Begun anew before its first window: what was recorded of it is sound, and there is nothing in it.
+    // Restarted before its first window: the recording is sound and empty.
     let mut client = attach(&endpoint, None).unwrap();
     client.reset().unwrap();
     let squeeze = client.connection().keys().out_squeeze("pair_0");

@@ -45,7 +45,7 @@ fn a_page_tells_a_whole_run_by_itself() {
     assert_eq!(ended.events().last().unwrap()["bytes"], page.len());
     assert_eq!(place.text("again.html"), page);
 
-    // It is not left beside the results of another run, where a page of somebody else's is.
+    // A new run removes the report, but no other page of that name.
     place.run("--out run --steps 3").with_code(0);
     assert!(!place.path("run/report.html").exists());
     std::fs::write(place.path("run/report.html"), "mine").unwrap();

@@ -99,7 +99,7 @@ fn interrupted(mut command: Command, word: &str) -> Ended {
     for signal in [Signal::SIGINT, Signal::SIGTERM] {
         kill(Pid::from_raw(child.id() as i32), signal).unwrap();
     }
-    // Who does not stop is to fail here, not to go on for ever.
+    // A process that does not stop fails the test here.
     let id = Pid::from_raw(child.id() as i32);
     let (ended, is_late) = std::sync::mpsc::channel::<()>();
     let watchdog = std::thread::spawn(move || {
@@ -133,12 +133,12 @@ fn ctrl_c_breaks_off_a_step_without_end() {
     let place = solved("max_iterations = 4000000000\ntolerance = 1e-300");
     let ended = interrupted(place.run_command("--out run --json"), "\"start\"");
     assert!(ended.stderr().contains("after step 0 of"), "{}", ended.stderr());
-    // What it leaves is whole: so does whoever goes on with it.
+    // The files are complete, also for a run that continues.
     let resume = place.command("resume run/checkpoint.h5 --json");
     assert!(interrupted(resume, "\"start\"").stderr().contains("after step 0 of"));
 }
 
-/// How many runs are killed; `BALLAST_KILLS` asks for more.
+/// Number of killed runs, or `BALLAST_KILLS`.
 fn kills() -> u32 {
     std::env::var("BALLAST_KILLS").ok().and_then(|n| n.parse().ok()).unwrap_or(4)
 }

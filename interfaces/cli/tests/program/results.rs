@@ -28,7 +28,7 @@ fn told(page: &str) -> BTreeSet<(String, String)> {
         .collect()
 }
 
-/// What the page does not name, or not with its unit.
+/// Returns names that the page lacks, or has without their unit.
 fn missing(page: &str, wanted: &BTreeSet<Named>) -> Vec<String> {
     let told = told(page);
     let is_told = |(name, unit): &&Named| match unit {

@@ -11,8 +11,8 @@ fn bench_file(place: &Place, file: &str, choices: &str) -> Value {
     serde_json::from_str(&ended.with_code(0).stdout()).expect("one JSON line")
 }
 
-fn number(told: &Value, path: &str) -> f64 {
-    told.pointer(path).and_then(Value::as_f64).expect("a number")
+fn number(expected: &Value, path: &str) -> f64 {
+    expected.pointer(path).and_then(Value::as_f64).expect("a number")
 }
 
 fn bench(place: &Place, steps: u32) -> Value {
@@ -40,7 +40,7 @@ fn a_bed_at_rest_stays_at_rest() {
 #[test]
 fn figures_are_kept_as_a_table_with_the_machine() {
     let place = Place::new();
-    let told = bench_file(&place, RESTED, "--steps 3 --threads 1 --csv s.csv");
+    let expected = bench_file(&place, RESTED, "--steps 3 --threads 1 --csv s.csv");
     let text = std::fs::read_to_string(place.path("s.csv")).unwrap();
     let (notes, table): (Vec<&str>, Vec<&str>) = text.lines().partition(|l| l.starts_with('#'));
     assert!(notes[0].starts_with("# command: ballast bench sample "), "{text}");
@@ -49,10 +49,10 @@ fn figures_are_kept_as_a_table_with_the_machine() {
     assert_eq!((table.len(), names.len()), (2, values.len()), "{text}");
     let kept = |name: &str| values[names.iter().position(|n| *n == name).expect(name)];
     assert_eq!((kept("grains"), kept("steps"), kept("threads")), ("500", "3", "1"));
-    assert_eq!(kept("state_hash"), told["state_hash"].as_str().unwrap());
+    assert_eq!(kept("state_hash"), expected["state_hash"].as_str().unwrap());
     for (name, path) in [("contacts", "/contacts/mean"), ("cpu_ms_per_step", "/ms_per_step/cpu")] {
-        let [kept, told] = [kept(name).parse().expect(name), number(&told, path)];
-        assert!((kept / told - 1.0f64).abs() < 1e-5, "{name}: {kept} and {told}");
+        let [kept, expected] = [kept(name).parse().expect(name), number(&expected, path)];
+        assert!((kept / expected - 1.0f64).abs() < 1e-5, "{name}: {kept} and {expected}");
     }
     assert!(values.iter().all(|value| !value.is_empty()), "{text}");
 }
@@ -89,7 +89,7 @@ fn contacts_that_no_step_reaches_do_not_matter() {
 fn a_bed_that_rearranges_is_solved_in_every_step() {
     for name in ["settled500", "settled2000"] {
         let file = format!("{}/../../tests/data/{name}.json", env!("CARGO_MANIFEST_DIR"));
-        let told = bench_file(&Place::new(), &file, "--steps 50");
-        assert_eq!((&told["steps_not_converged"], &told["grains_lost"]), (&0.into(), &0.into()));
+        let expected = bench_file(&Place::new(), &file, "--steps 50");
+        assert_eq!((&expected["steps_not_converged"], &expected["grains_lost"]), (&0.into(), &0.into()));
     }
 }

@@ -1,4 +1,4 @@
-//! Runs the program in a folder of its own, with one prepared bed for all tests.
+//! Runs the program in a temporary folder, with one prepared bed for all tests.
 
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -99,12 +99,12 @@ impl Place {
     }
 }
 
-/// What a call left.
+/// Output of a finished call.
 pub struct Ended(pub Output);
 
 impl Ended {
     pub fn code(&self) -> i32 {
-        self.0.status.code().expect("ended by itself")
+        self.0.status.code().expect("a process without a signal")
     }
 
     pub fn stdout(&self) -> String {

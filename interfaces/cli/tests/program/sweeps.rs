@@ -112,7 +112,7 @@ fn one_point_of_a_scheduler_is_run_alone() {
 }
 
 #[test]
-fn plans_and_points_that_make_no_sense_are_told_before_anything_runs() {
+fn plans_and_points_that_make_no_sense_are_reported_before_anything_runs() {
     for (plan, code, expected) in [
         ("case = 'tiny.toml'", 3, "at least one point"),
         ("case = 'nowhere.toml'\n[[points]]\n'bed.seed' = 1", 1, "nowhere.toml"),
@@ -151,11 +151,11 @@ fn a_point_that_ended_before_its_end_is_no_result_and_goes_on() {
 }
 
 #[test]
-fn values_that_json_has_no_number_for_are_told() {
+fn values_that_json_has_no_number_for_are_texts() {
     let place =
         place("case = 'tiny.toml'\n[grid]\n'tamping.squeeze.force_limit_N' = [7800.0, inf]");
-    let told = place.with_beds("sweep plan.toml --list --json").with_code(0).events();
-    assert_eq!(told[1]["values"]["tamping.squeeze.force_limit_N"], "inf", "{told:?}");
+    let events = place.with_beds("sweep plan.toml --list --json").with_code(0).events();
+    assert_eq!(events[1]["values"]["tamping.squeeze.force_limit_N"], "inf", "{events:?}");
     place.with_beds("sweep plan.toml --point 2").with_code(0);
     assert_eq!(cell(&table(&place)[0], "tamping.squeeze.force_limit_N"), "inf");
     let manifest: Value = serde_json::from_str(&place.text("runs/plan/manifest.json")).unwrap();

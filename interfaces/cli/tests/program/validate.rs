@@ -44,8 +44,8 @@ fn quick_checks_hold_but_for_those_that_are_known_not_to() {
     );
 
     place.call("validate --only incline --out one").with_code(0);
-    let told = place.call("validate --only inclines").with_code(2).stderr();
-    assert!(told.contains("incline, column") && told.contains("inclines"), "{told}");
+    let message = place.call("validate --only inclines").with_code(2).stderr();
+    assert!(message.contains("incline, column") && message.contains("inclines"), "{message}");
 }
 
 #[test]
@@ -70,7 +70,7 @@ fn a_check_that_takes_long_can_be_stopped() {
 }
 
 #[test]
-fn a_page_that_cannot_be_written_is_told_before_the_checks() {
+fn a_page_that_cannot_be_written_is_reported_before_the_checks() {
     let place = Place::new();
     for out in ["tiny.toml", "/proc"] {
         let ended =

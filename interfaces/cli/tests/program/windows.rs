@@ -37,7 +37,7 @@ fn begin(path: &Path, component: &Component) -> ballast_mcap::Result<WindowRecor
     WindowRecorder::begin(path, &plan(), &meta, model, state, || Err("no checkpoint here"))
 }
 
-/// Adds a window of so many steps (ns).
+/// Adds a window of several steps (ns).
 fn window(recording: &mut WindowRecorder, component: &mut Component, steps: u64) {
     let t1 = component.now_ns() + steps;
     let outcome = component.advance_to(t1, WindowInputsRef::default()).unwrap();
@@ -47,7 +47,7 @@ fn window(recording: &mut WindowRecorder, component: &mut Component, steps: u64)
     recording.window(model, WindowKind::Advance, &request, &reply, state).unwrap();
 }
 
-/// What verification says if it is stopped at a time, ns.
+/// Verifies up to a time, ns.
 fn verified(path: &Path, stop_ns: u64) -> Verdict {
     let mut windows = Windows::open(path).unwrap();
     let mut watch =
