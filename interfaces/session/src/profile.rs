@@ -1,7 +1,7 @@
-//! Where a run's time goes: the core's stopwatch, with wall and CPU clocks.
+//! Profile of a run: wall and CPU time per phase of the step.
 //!
-//! CPU time is that of the whole process: with several threads it exceeds wall time, and the ratio
-//! says how well a phase uses them.
+//! CPU time is that of the whole process. With several threads it exceeds wall time; the ratio shows how well a phase
+//! uses them.
 
 use crate::interrupt;
 use ballast::cancel::StopReason;
@@ -56,7 +56,7 @@ impl Profile {
         }
     }
 
-    /// What passed since the last mark was observation, writing and reporting.
+    /// Counts the time since the last mark as output: observation, writing, reporting.
     pub fn output(&mut self) {
         let spent = self.since_mark();
         self.output += spent;
@@ -70,7 +70,7 @@ impl Profile {
         spent
     }
 
-    /// Name and time of each phase in the order of the step, then of the output between steps.
+    /// Returns name and time of each phase in the order of the step, then of the output between steps.
     pub fn lines(&self) -> impl Iterator<Item = (&'static str, PhaseTime)> + '_ {
         Phase::ALL
             .iter()
@@ -79,17 +79,17 @@ impl Profile {
             .chain([("output", self.output)])
     }
 
-    /// Time of one phase.
+    /// Returns the time of one phase.
     pub fn of(&self, phase: Phase) -> PhaseTime {
         self.phases[phase as usize]
     }
 
-    /// Time of all phases, without the output between steps.
+    /// Returns the time of all phases, without the output between steps.
     pub fn steps(&self) -> PhaseTime {
         self.phases.iter().copied().sum()
     }
 
-    /// Seconds per phase, by name.
+    /// Returns the seconds per phase, by name.
     pub fn json(&self) -> Value {
         self.lines()
             .map(|(name, spent)| {
@@ -110,13 +110,13 @@ impl StepObserver for Profile {
         sum.cpu += spent.cpu;
     }
 
-    /// A step may take minutes: nobody waits for its end who has asked to stop.
+    /// Cancels the step after an interrupt.
     fn cancelled(&mut self) -> Option<StopReason> {
         interrupt::requested().then_some(StopReason::Early)
     }
 }
 
-/// CPU time of this process, all threads. Systems without that clock report zero.
+/// Returns the CPU time of all threads of this process; zero on systems without that clock.
 pub fn cpu_time() -> Duration {
     clock_gettime(ClockId::CLOCK_PROCESS_CPUTIME_ID).map(Duration::from).unwrap_or_default()
 }
@@ -126,7 +126,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_lap_goes_to_the_phase_that_ended() {
+    fn time_is_added_to_the_finished_phase() {
         let mut profile = Profile::start();
         std::thread::sleep(Duration::from_millis(20));
         profile.phase_finished(Phase::Solve);

@@ -1,5 +1,4 @@
-//! What a run leaves in its results while it goes: a row per step, zones and geometry per frame;
-//! and the figures of the summary.
+//! Results of a run: a row per step, zones and geometry per frame, and the figures of the summary.
 
 use crate::case::Case;
 use crate::record::{self, TrackedBody};
@@ -16,29 +15,32 @@ use ballast::workspace::Workspace;
 use ballast_hdf5::results::{self, Background, Meta, Reader, Table, Writer};
 use std::path::Path;
 
-/// Table of the steps, see [`record`].
+/// Name of the table of steps, see [`record`].
 pub const STEPS: &str = "steps";
-/// Table of the compactness of the zones over time.
+/// Name of the table of the compactness of the zones.
 pub const ZONES: &str = "zones";
-/// Frames and rows that may wait while the file is written.
-const WAITING: usize = 64;
+/// Maximum number of frames and rows in the queue of the file.
+const MAX_QUEUED: usize = 64;
 
-/// What can be done where a checkpoint has no results of its run.
+/// Hint for a checkpoint without the results of its run.
 pub const TOGETHER: &str =
-    "put the checkpoint beside its own run's results, or run its case anew with another --out";
+    "put the checkpoint beside its own run's results, or run its case again with another --out";
 
-/// The open records of a run.
+/// Recorder of the results of a run.
 pub struct Recorder {
     zones: Vec<Zone>,
     tracked: Vec<TrackedBody>,
     results: Background,
-    /// Whether the case asks for geometry.
+    /// True if the case has frames.
     frames: bool,
     summary: RunSummary,
 }
 
 impl Recorder {
-    /// Starts the records of what comes after `state`.
+    /// Creates the results of a run that starts at `state`.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn create(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Result<Self> {
         let meta = Meta {
             case_name: case.plan.name.clone(),
@@ -52,14 +54,17 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Takes the records of a run up at `state`; later ones are cut off.
+    /// Opens the results of a run at `state` and removes later records.
+    ///
+    /// # Errors
+    /// Results that are missing, damaged or of another run.
     pub fn reopen(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Result<Self> {
         Self::taken_up(files, case, model, state).map_err(|e| e.with(&format!("; {TOGETHER}")))
     }
 
     fn taken_up(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Result<Self> {
         let path = files.results();
-        // First: the file may have to be put right before anything reads it.
+        // Before anything reads the file.
         results::mend(&path)?;
         let reader = Reader::open(&path)?;
         let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
@@ -79,7 +84,7 @@ impl Recorder {
         let zones = track::zones(&case.plan);
         let tracked = record::tracked(model);
         let summary = RunSummary::new(SummarySettings::for_case(case, model));
-        let mut results = Background::new(writer, WAITING);
+        let mut results = Background::new(writer, MAX_QUEUED);
         declare(&mut results, STEPS, &record::columns(&tracked))?;
         declare(&mut results, ZONES, &zone_columns(&zones))?;
         let frames = case.plan.run.output_ns > 0;
@@ -87,6 +92,9 @@ impl Recorder {
     }
 
     /// Records a step.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn step(
         &mut self,
         model: &Model,
@@ -102,7 +110,10 @@ impl Recorder {
         Ok(())
     }
 
-    /// Records the zones, and the geometry if the case asks for it.
+    /// Records the zones, and the geometry if the case has frames.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn observe(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result {
         let compactness = compactness(model, state, &self.zones);
         self.summary.take_zones(&compactness);
@@ -115,14 +126,17 @@ impl Recorder {
         Ok(())
     }
 
-    /// Lets the summary know the end, where a run may be between two frames; no record is made,
-    /// since none would be there had the run gone on.
+    /// Adds the final state to the summary. The end may lie between two frames, so no record is made, as in a run that
+    /// continues.
     pub fn observe_end(&mut self, model: &Model, state: &State) {
         self.summary.take_zones(&compactness(model, state, &self.zones));
         self.summary.lost = Some(observe::lost_grains(model, state));
     }
 
-    /// Makes sure that no kill from here on costs a record.
+    /// Writes all records to the file, so that a kill loses none of them.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
     pub fn secure(&mut self) -> Result {
         Ok(self.results.secure()?)
     }
@@ -138,7 +152,10 @@ impl Recorder {
     }
 }
 
-/// What shows that results are not those of the run that came by `state`, if anything does.
+/// Returns why results cannot belong to the run with the checkpoint `state`; `None` if they can.
+///
+/// # Errors
+/// Results that cannot be read.
 pub fn of_another_run(
     reader: &Reader,
     steps: &Table,
@@ -156,7 +173,7 @@ pub fn of_another_run(
     if rows as u64 != last {
         return Ok(Some(format!("{STEPS}: expected a row for each of {last} steps, found {rows}")));
     }
-    // One case may be run with several schedules. Tables of other versions are refused where they are gone on with.
+    // Runs of one case may have different schedules. Tables of other versions are refused by `check_tables`.
     let kinetic = steps.columns.iter().position(|(name, _)| name == "kinetic");
     let row = rows.checked_sub(1).map(|k| &steps.rows[k * steps.columns.len()..]);
     Ok(match (row, kinetic) {
@@ -168,7 +185,10 @@ pub fn of_another_run(
     })
 }
 
-/// Refuses tables that have not the columns, by name and unit, that this version writes.
+/// Checks that tables have the columns of this version, by name and unit.
+///
+/// # Errors
+/// A table with other columns.
 pub fn check_tables(
     path: &Path,
     case: &Case,
@@ -186,18 +206,18 @@ fn check_columns(path: &Path, name: &str, table: &Table, expected: &[(String, St
     }
     let differs = table.columns.iter().zip(expected).position(|(a, b)| a != b);
     let at = differs.unwrap_or(table.columns.len().min(expected.len()));
-    let told = |columns: &[(String, String)]| {
+    let shown = |columns: &[(String, String)]| {
         columns.get(at).map_or("none".into(), |(name, unit)| format!("`{name}` in `{unit}`"))
     };
     Err(Failure::Incompatible(format!(
         "{}: {name}, column {at}: expected {}, found {}; another version wrote it",
         path.display(),
-        told(expected),
-        told(&table.columns)
+        shown(expected),
+        shown(&table.columns)
     )))
 }
 
-/// Compactness of each zone; not a number of one that bodies fill, as a blade may the space that it stands in.
+/// Returns the compactness of each zone; NaN for a zone that bodies fill.
 pub fn compactness(model: &Model, state: &State, zones: &[Zone]) -> Vec<f64> {
     let measured = |zone| observe::compactness(model, state, zone);
     zones.iter().map(|zone| measured(zone).map_or(f64::NAN, |found| found.compactness)).collect()
@@ -224,7 +244,7 @@ impl SummarySettings {
     }
 }
 
-/// Steps per period of the vibration; 1 without one.
+/// Returns the number of steps per period of the vibration; 1 without vibration.
 fn steps_per_period(plan: &Plan) -> usize {
     let period = plan.tamping.and_then(|t| t.vibration.period());
     period.map_or(1, |period| (period / plan.run.stepping.h()).round().clamp(1.0, 1e6) as usize)
@@ -235,7 +255,7 @@ fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -
     Ok(results.series(name, &columns)?)
 }
 
-/// The time, and the compactness of each zone.
+/// Returns the columns of the table of zones: time, and compactness of each zone.
 fn zone_columns(zones: &[Zone]) -> Vec<(String, String)> {
     let zones = zones.iter().map(|zone| (zone.name.clone(), "1".to_string()));
     std::iter::once(("time".to_string(), "s".to_string())).chain(zones).collect()
@@ -246,7 +266,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tables_of_another_version_are_told_by_their_first_column_that_differs() {
+    fn first_different_column_is_reported() {
         let columns = |names: &[&str]| -> Vec<(String, String)> {
             names.iter().map(|name| (name.to_string(), "s".to_string())).collect()
         };

@@ -1,4 +1,4 @@
-//! `ballast describe SITE/ID`: what a component says of itself.
+//! `ballast describe SITE/ID`: description of a served component.
 
 use super::args::DescribeArgs;
 use crate::console::Console;
@@ -8,23 +8,24 @@ use ballast_zenoh::{ComponentDescription, Connection, HEARTBEAT_INTERVAL, Timeou
 use serde_json::json;
 
 pub fn describe(args: DescribeArgs, console: Console) -> Outcome {
-    let line = Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
+    let connection =
+        Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
     if args.schema {
-        let schema = line.schema()?;
+        let schema = connection.schema()?;
         console.result(&format!("{schema:#}"));
         console.event("schema", json!({ "schema": schema }));
         return Ok(());
     }
-    let mut has_told = false;
+    let mut is_reported = false;
     let description = loop {
-        match line.describe() {
+        match connection.describe() {
             Err(error) if error.request_error().is_some_and(|f| f.code == ErrorCode::Preparing) => {
-                if !std::mem::replace(&mut has_told, true) {
+                if !std::mem::replace(&mut is_reported, true) {
                     console.note("the bed is being prepared; waiting for it");
                 }
                 std::thread::sleep(HEARTBEAT_INTERVAL);
             }
-            told => break told?,
+            result => break result?,
         }
     };
     console.event("component", json!(description));
@@ -37,7 +38,7 @@ fn text(d: &ComponentDescription) -> String {
     let lines = [
         ("component", d.key.clone()),
         ("program", format!("ballast {}, messages {}", d.version, d.protocol_version)),
-        ("time step", format!("{step_ms} ms; windows are whole numbers of it")),
+        ("time step", format!("{step_ms} ms; windows are multiples of it")),
         ("grains", d.grains.to_string()),
         ("units", d.units.clone()),
         ("frame", d.frame.clone()),

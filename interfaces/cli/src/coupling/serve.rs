@@ -86,7 +86,7 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
 
 fn told(endpoints: &[String]) -> String {
     match endpoints {
-        [] => "listening nowhere, connected as it was told".into(),
+        [] => "connected as client; not listening".into(),
         all => format!("listening on {}", all.join(", ")),
     }
 }

@@ -90,6 +90,9 @@ fn a_bed_that_rearranges_is_solved_in_every_step() {
     for name in ["settled500", "settled2000"] {
         let file = format!("{}/../../tests/data/{name}.json", env!("CARGO_MANIFEST_DIR"));
         let expected = bench_file(&Place::new(), &file, "--steps 50");
-        assert_eq!((&expected["steps_not_converged"], &expected["grains_lost"]), (&0.into(), &0.into()));
+        assert_eq!(
+            (&expected["steps_not_converged"], &expected["grains_lost"]),
+            (&0.into(), &0.into())
+        );
     }
 }
