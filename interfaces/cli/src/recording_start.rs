@@ -1,11 +1,11 @@
 //! Where a recording begins: where the case does, or at the checkpoint that it holds.
 
-use crate::case::Case;
+use crate::case::{Case, CaseOverrides};
 use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast_hdf5::checkpoint;
+use ballast_hdf5::checkpoint::{self, Checkpoint};
 use ballast_mcap::recording::Windows;
 
 /// Model and state at the beginning of `windows`; `model` and `state` are those of the case.
@@ -27,12 +27,39 @@ pub fn initial_scene(
             _ => Ok((model, state)),
         };
     };
-    let saved = checkpoint::from_bytes(bytes);
-    let saved = saved.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))?;
+    let saved = saved(windows, bytes)?;
     if Parameters::are_only_difference(&model, &saved.model) {
         return Ok((saved.model, saved.state));
     }
+    Err(other_case(windows, case))
+}
+
+/// Checks that a recording that holds its start belongs to `case`, before the bed is prepared; `model` is that of the case
+/// without grains.
+pub fn check_case(windows: &Windows, case: &Case, model: &Model) -> Outcome {
+    let Some(bytes) = windows.start() else { return Ok(()) };
+    let saved = saved(windows, bytes)?;
+    let name = format!("{}, its case", windows.path().display());
+    let recorded = Case::parse(saved.case_text, &name)?;
+    let plan = recorded.with_overrides(CaseOverrides::from_notes(&saved.extra)?).plan;
+    let (recorded, _) = ballast_beds::empty_scene(&plan)?;
+    // Grains are compared by what makes them.
+    let (here, there) = (&case.plan.bed, &plan.bed);
+    let has_same_grains =
+        (&here.grains, here.seed, here.density) == (&there.grains, there.seed, there.density);
+    if has_same_grains && Parameters::are_only_difference(model, &recorded) {
+        return Ok(());
+    }
+    Err(other_case(windows, case))
+}
+
+fn saved(windows: &Windows, bytes: &[u8]) -> Outcome<Checkpoint> {
+    let saved = checkpoint::from_bytes(bytes);
+    saved.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))
+}
+
+fn other_case(windows: &Windows, case: &Case) -> Failure {
     let name = &case.plan.name;
     let what = format!("it goes on in another case, bed or with another solver than {name}");
-    Err(Failure::Mismatch(format!("{}: {what}", windows.path().display())))
+    Failure::Mismatch(format!("{}: {what}", windows.path().display()))
 }

@@ -54,7 +54,10 @@ pub fn replay(args: ReplayArgs, console: Console) -> Result {
     files.refuse_own(&args.file)?;
     files.check_recording(args.record.as_deref())?;
     let source = match windows {
-        Some(windows) => ReplaySource::Windows(Box::new(windows)),
+        Some(windows) => {
+            check_windows(&args, &case, &windows)?;
+            ReplaySource::Windows(Box::new(windows))
+        }
         None => ReplaySource::Poses(poses(&args, &case, posed.is_some(), console)?),
     };
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
@@ -83,7 +86,7 @@ enum ReplaySource {
     Poses(Motion),
 }
 
-/// Creates the engine, and checks that the recording covers the first step if one is requested.
+/// Creates the session, and checks that the recording covers the first step if one is requested.
 fn replay_session(
     args: &ReplayArgs,
     case: &Case,
@@ -109,6 +112,21 @@ fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Reco
         );
     }
     RecordingDriver::from_windows(windows)
+}
+
+/// Checks the start of a recording of windows on the scene without grains, so that a refusal costs no bed.
+fn check_windows(args: &ReplayArgs, case: &Case, windows: &Windows) -> Result {
+    let (model, state) = ballast_beds::empty_scene(&case.plan)?;
+    if windows.start().is_some() {
+        return recording_start::check_case(windows, case, &model);
+    }
+    // Only the prepared bed shows whether damage has cut off the start.
+    if windows.lost().is_some() {
+        return Ok(());
+    }
+    let cycle = tamping_driver(case, &model, &state)?;
+    let recording = RecordingDriver::from_windows(Windows::open(&args.file)?);
+    replay_session(args, case, (model, state), cycle, recording).map(drop)
 }
 
 /// Warns if poses of mounted bodies are replayed: they include the deflection of the mounts.

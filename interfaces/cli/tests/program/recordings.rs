@@ -404,6 +404,23 @@ fn poses_of_any_file_move_a_body() {
 }
 
 #[test]
+fn a_recording_that_does_not_fit_the_given_case_is_refused_before_a_bed_is_prepared() {
+    let place = Place::new();
+    place.run("--out run --steps 5 --record run.mcap").with_code(0);
+    let [tines, run] = ["[tines]", "[run]"].map(|table| CASE.find(table).unwrap());
+    let untamped = CASE[..tines].replace("tamped = [1]", "") + &CASE[run..];
+    std::fs::write(place.path("untamped.toml"), untamped).unwrap();
+    let steps =
+        ["step_s = 1e-3\noutput_interval_s = 0.01", "step_s = 1.5e-3\noutput_interval_s = 0.015"];
+    std::fs::write(place.path("step.toml"), CASE.replace(steps[0], steps[1])).unwrap();
+    for case in ["untamped.toml", "step.toml"] {
+        let call = format!("replay run.mcap --case {case} --out other --bed-cache unpoured");
+        let refused = place.call(&call).with_code(1).stderr();
+        assert!(refused.contains("run.mcap") && !place.path("unpoured").exists(), "{refused}");
+    }
+}
+
+#[test]
 fn a_killed_run_leaves_a_recording_that_is_true_as_far_as_it_goes() {
     // Slow enough that the run is still going when it is killed.
     let place =

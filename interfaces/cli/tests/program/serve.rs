@@ -304,6 +304,9 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     std::fs::write(place.path("other.toml"), CASE.replace("seed = 7", "seed = 8")).unwrap();
     let refused = place.with_beds("verify s.3.mcap --case other.toml").with_code(5);
     assert!(refused.stderr().contains("s.3.mcap"), "{}", refused.stderr());
+    let replay = "replay s.3.mcap --case other.toml --out other --bed-cache unpoured";
+    let refused = place.call(replay).with_code(5).stderr();
+    assert!(refused.contains("another case") && !place.path("unpoured").exists(), "{refused}");
 }
 
 #[test]
