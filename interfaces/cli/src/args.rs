@@ -8,6 +8,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::num::NonZeroU32;
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// Simulate the tamping of railway ballast grain by grain with non-smooth contact dynamics
 #[derive(Debug, Parser)]
@@ -122,7 +123,23 @@ pub struct RunArgs {
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
     #[command(flatten)]
+    pub checkpoint: CheckpointArgs,
+    #[command(flatten)]
     pub dump: DumpArgs,
+}
+
+/// Checkpoints by wall time.
+#[derive(Debug, Args)]
+pub struct CheckpointArgs {
+    /// Maximum wall time between checkpoints in seconds (0: after every step)
+    #[arg(long, value_name = "S", default_value = "300", value_parser = seconds)]
+    pub checkpoint_every: Duration,
+}
+
+/// Parses a duration in seconds.
+pub fn seconds(text: &str) -> Result<Duration, String> {
+    let s = text.parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
+    s.ok_or_else(|| "expected seconds, 0 or more".into())
 }
 
 /// Contact problems stored for `ballast solve` and other programs.
@@ -233,6 +250,8 @@ pub struct ResumeArgs {
     pub checkpoint: PathBuf,
     #[command(flatten)]
     pub stop: StopAt,
+    #[command(flatten)]
+    pub written: CheckpointArgs,
 }
 
 #[derive(Debug, Args)]

@@ -6,6 +6,7 @@
 //! them never ends a run, see [`NonFatalErrors`].
 
 use crate::case::{self, Case, CaseOverrides};
+use crate::checkpoint_timer::CheckpointTimer;
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 use crate::files::{replace_text, shell_word};
@@ -31,6 +32,7 @@ use ballast_session::run_recorder::RunRecorder;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// A run in progress.
 pub struct CaseRun {
@@ -52,6 +54,8 @@ pub struct CaseRun {
     first: u64,
     /// Whether the recording that is replayed had no further step.
     is_over: bool,
+    /// Wall time since the last checkpoint; `None` writes none between those of the case.
+    checkpoint_timer: Option<CheckpointTimer>,
 }
 
 impl CaseRun {
@@ -115,7 +119,13 @@ impl CaseRun {
             observer: RunObserver::start(),
             first,
             is_over: false,
+            checkpoint_timer: None,
         }
+    }
+
+    /// Returns the session with a checkpoint after every `interval` of wall time.
+    pub fn with_checkpoint_interval(self, interval: Duration) -> Self {
+        Self { checkpoint_timer: Some(CheckpointTimer::start(interval)), ..self }
     }
 
     /// The same session, which keeps contact problems.
@@ -155,7 +165,8 @@ impl CaseRun {
                 progress.finish();
                 return self.stop();
             }
-            let due = self.is_due(self.case.plan.run.checkpoint_ns);
+            let is_old = self.checkpoint_timer.as_ref().is_some_and(CheckpointTimer::is_due);
+            let due = is_old || self.is_due(self.case.plan.run.checkpoint_ns);
             if step < last && due && self.run.recording().is_none() {
                 self.checkpoint()?;
             }
@@ -271,6 +282,7 @@ impl CaseRun {
         let saved = self.case.checkpoint(model, state, BTreeMap::new());
         let path = self.files.checkpoint();
         checkpoint::write(&path, &saved)?;
+        self.checkpoint_timer.iter_mut().for_each(CheckpointTimer::restart);
         crate::panic_hook::set_checkpoint(path.clone());
         self.console.event("checkpoint", json!({ "step": self.run.state().step, "path": path }));
         Ok(())

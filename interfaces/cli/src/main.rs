@@ -5,6 +5,7 @@
 mod args;
 mod body_overlap;
 mod case_run;
+mod checkpoint_timer;
 mod commands;
 mod console;
 #[cfg(feature = "zenoh")]
@@ -24,8 +25,7 @@ mod run_session;
 
 use args::{Cli, Command};
 use ballast_session::{
-    Failure, Result, beds, case, files, lock, profile, recorder, summary_text, table,
-    threads,
+    Failure, Result, beds, case, files, lock, profile, recorder, summary_text, table, threads,
 };
 use clap::Parser;
 use console::Console;

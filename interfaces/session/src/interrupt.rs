@@ -1,24 +1,18 @@
 //! Request to stop, set by a signal handler and polled by long computations.
 
 use std::ops::ControlFlow;
-use std::sync::OnceLock;
-use std::time::{Duration, Instant};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-static REQUESTED: OnceLock<Instant> = OnceLock::new();
+static IS_REQUESTED: AtomicBool = AtomicBool::new(false);
 
-/// Requests a stop; returns the time since the first request, or `None` if this is the first.
-pub fn request() -> Option<Duration> {
-    let mut is_first = false;
-    let first = REQUESTED.get_or_init(|| {
-        is_first = true;
-        Instant::now()
-    });
-    (!is_first).then(|| first.elapsed())
+/// Requests a stop; returns true if this is the first request.
+pub fn request() -> bool {
+    !IS_REQUESTED.swap(true, Ordering::Relaxed)
 }
 
 /// Returns true if a stop was requested.
 pub fn requested() -> bool {
-    REQUESTED.get().is_some()
+    IS_REQUESTED.load(Ordering::Relaxed)
 }
 
 /// Returns [`ControlFlow::Break`] if a stop was requested.

@@ -43,7 +43,7 @@ fn text(plan: &Plan) -> String {
         ("simulated time", seconds(run.duration_ns)),
         ("time step", format!("{} ms, {steps} steps", figure(step_ms, 3))),
         ("results", every("a frame", run.output_ns, "none")),
-        ("checkpoints", every("one", run.checkpoint_ns, "one at the end")),
+        ("checkpoints", every("one", run.checkpoint_ns, "by wall time")),
         ("schedule", run.solver.schedule.name().into()),
         ("iterations", format!("at most {}, tolerance {tolerance}", run.solver.max_iterations)),
     ]);

@@ -24,11 +24,13 @@ pub fn run(args: RunArgs, console: Console) -> Result {
     // Before a bed is prepared or a file replaced.
     files.check_recording(args.record.as_deref())?;
     let DumpArgs { dump_problems, dump_every, dump_phases } = args.dump;
-    let dump = dump_problems.map(|folder| ProblemDump::to(folder, dump_every.get().into(), dump_phases));
+    let dump =
+        dump_problems.map(|folder| ProblemDump::to(folder, dump_every.get().into(), dump_phases));
     let dump = dump.transpose()?;
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     let driver = RunDriver::Cycle(tamping_driver(&case, &model, &state)?);
     let run = RunSession::new(&case, model, state, driver)?;
     let session = CaseRun::begin(case, run, files, args.record.as_deref(), console)?;
+    let session = session.with_checkpoint_interval(args.checkpoint.checkpoint_every);
     session.dumping(dump).run(args.stop.steps, args.stop.expect_hash)
 }

@@ -1,6 +1,6 @@
 //! The command line of the commands that use Zenoh.
 
-use crate::args::{BedCacheArgs, OverrideArgs};
+use crate::args::{BedCacheArgs, OverrideArgs, seconds};
 use ballast_zenoh::SessionConfig;
 use clap::Args;
 use std::num::NonZeroU32;
@@ -115,9 +115,4 @@ pub struct DoctorArgs {
     pub endpoints: Endpoints,
     #[command(flatten)]
     pub beds: BedCacheArgs,
-}
-
-fn seconds(text: &str) -> Result<Duration, String> {
-    let s = text.parse().ok().and_then(|s| Duration::try_from_secs_f64(s).ok());
-    s.ok_or_else(|| "expected seconds, 0 or more".into())
 }

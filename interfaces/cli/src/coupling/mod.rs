@@ -4,7 +4,7 @@ pub mod args;
 pub mod describe;
 pub mod doctor;
 mod host;
-mod served_checkpoint;
 pub mod serve;
+mod served_checkpoint;
 mod served_recording;
 pub mod top;

@@ -17,6 +17,7 @@ mod samples;
 #[cfg(feature = "zenoh")]
 mod serve;
 mod setup;
+mod signals;
 mod solve;
 mod sweeps;
 mod validate;

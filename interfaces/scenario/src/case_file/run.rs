@@ -26,7 +26,8 @@ pub struct RunSection {
     /// Absent: 0.5 m/s times the time step.
     #[schemars(with = "Option<Positive>")]
     pub detection_distance_m: Option<f64>,
-    /// Newton's coefficient of restitution, of every contact.
+    /// Newton's coefficient of restitution, of every contact. Above 0 and with friction, impacts may gain energy, typically
+    /// 3 to 5 % (Kane's paradox).
     #[serde(default)]
     #[schemars(with = "Fraction")]
     pub restitution: f64,
@@ -34,7 +35,8 @@ pub struct RunSection {
     /// frames. Absent: the whole number of steps nearest to 0.01 s.
     #[schemars(with = "Option<Pause>")]
     pub output_interval_s: Option<f64>,
-    /// Simulated time between two checkpoints, s: a whole number of steps; 0: only at the end.
+    /// Simulated time between two checkpoints, s: a whole number of steps; 0: none. Whatever it is, a run writes one at
+    /// its end, when it is interrupted, and every five minutes of wall time (`--checkpoint-every`).
     #[serde(default)]
     #[schemars(with = "Pause")]
     pub checkpoint_interval_s: f64,
