@@ -14,14 +14,17 @@ use ballast_zenoh::session::DEFAULT_ENDPOINT;
 use ballast_zenoh::{Client, SessionConfig, Timeouts};
 use std::error::Error;
 
-/// How fast down, m/s; how far and how fast to each other at most.
-const DOWN: f64 = 0.5;
-const CLOSE: [f64; 2] = [0.04, 0.1];
-/// The tools reach their speed with this acceleration, m/s².
+/// Speed of lowering, m/s.
+const LOWERING_SPEED: f64 = 0.5;
+/// Maximum closing of a tine, m.
+const MAX_CLOSING: f64 = 0.04;
+/// Speed of closing, m/s.
+const CLOSING_SPEED: f64 = 0.1;
+/// Acceleration of the tines, m/s².
 const ACCELERATION: f64 = 20.0;
 
-/// A tine: where it is, how it moves, and to which side it closes.
-struct Tine {
+/// Motion of a tine, and the side to which it closes.
+struct TineMotion {
     name: String,
     position: Point,
     orientation: Quaternion,
@@ -29,9 +32,10 @@ struct Tine {
     inward: f64,
 }
 
-impl Tine {
-    /// Changes its velocity towards `target` and moves on: its motion through the window. With `allow_jump` it may begin with
-    /// another velocity than the last window ended with.
+impl TineMotion {
+    /// Accelerates towards the velocity `target` and returns the motion of the window.
+    ///
+    /// With `allow_jump`, the velocity may differ from that of the last window's end.
     fn steer(&mut self, target: Vector3, t0_ns: u64, t1_ns: u64, allow_jump: bool) -> BodyMotion {
         let dt = (t1_ns - t0_ns) as f64 * 1e-9;
         let before = self.knot(t0_ns);
@@ -60,28 +64,33 @@ impl Tine {
     }
 }
 
-/// What came of it.
+/// Result of a squeeze.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Squeezed {
+pub struct SqueezeResult {
     /// Mean of the horizontal forces on the tines, N.
     pub force: f64,
-    /// How far each tine has moved inward, m.
+    /// Inward displacement of each tine, m.
     pub closing: f64,
+    /// Simulated time, s.
     pub time_s: f64,
-    /// Of the state.
+    /// State hash.
     pub hash: String,
 }
 
 /// Lowers the tines by `depth` (m) and squeezes until `force` (N), or as far as it goes; the tines stand still
 /// then.
-pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, Box<dyn Error>> {
+pub fn squeeze(
+    client: &mut Client,
+    force: f64,
+    depth: f64,
+) -> Result<SqueezeResult, Box<dyn Error>> {
     let description = client.describe()?;
     // Whole steps, a millisecond if it can be.
     let window = (1_000_000 / description.step_ns).max(1) * description.step_ns;
     let bodies = description.bodies.iter().filter(|b| b.role == "tine");
     let middle = bodies.clone().map(|b| b.position.x).sum::<f64>() / bodies.clone().count() as f64;
-    let mut tines: Vec<Tine> = bodies
-        .map(|b| Tine {
+    let mut tines: Vec<TineMotion> = bodies
+        .map(|b| TineMotion {
             name: b.name.clone(),
             position: b.position,
             orientation: b.orientation,
@@ -90,21 +99,21 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
         })
         .collect();
     let start: Vec<Point> = tines.iter().map(|t| t.position).collect();
-    let mut squeezed = Squeezed { force: 0.0, closing: 0.0, time_s: 0.0, hash: String::new() };
-    // An owner that is gone may have left the tines moving; the first window takes them up at rest.
+    let mut result = SqueezeResult { force: 0.0, closing: 0.0, time_s: 0.0, hash: String::new() };
+    // A former owner may have left the tines moving; the first window starts from rest.
     let mut is_first = true;
     loop {
         let down = start[0].z - tines[0].position.z;
-        squeezed.closing = (tines[0].position.x - start[0].x).abs();
+        result.closing = (tines[0].position.x - start[0].x).abs();
         let is_down = down >= depth;
-        let is_done = is_down && (squeezed.force >= force || squeezed.closing >= CLOSE[0]);
+        let is_done = is_down && (result.force >= force || result.closing >= MAX_CLOSING);
         if is_done && tines.iter().all(|t| t.velocity == Vector3::default()) {
-            return Ok(squeezed);
+            return Ok(result);
         }
         let (t0, t1) = (client.position().now_ns, client.position().now_ns + window);
         let motions = tines.iter_mut().map(|tine| {
-            let x = if is_down && !is_done { tine.inward * CLOSE[1] } else { 0.0 };
-            let z = if is_down { 0.0 } else { -DOWN };
+            let x = if is_down && !is_done { tine.inward * CLOSING_SPEED } else { 0.0 };
+            let z = if is_down { 0.0 } else { -LOWERING_SPEED };
             tine.steer(Vector3 { x, y: 0.0, z }, t0, t1, is_first)
         });
         let reply = client.advance_to(t1, motions.collect(), vec![])?;
@@ -114,15 +123,15 @@ pub fn squeeze(client: &mut Client, force: f64, depth: f64) -> Result<Squeezed, 
                 format!("window {}: {:?}, {}", reply.seq, reply.status, reply.message).into()
             );
         }
-        squeezed.force = horizontal(&reply, &tines);
-        squeezed.time_s = t1 as f64 * 1e-9;
-        squeezed.hash = reply.hash.to_string();
+        result.force = horizontal(&reply, &tines);
+        result.time_s = t1 as f64 * 1e-9;
+        result.hash = reply.hash.to_string();
     }
 }
 
-/// How hard the ballast pushes the tines outward, on average, N.
-fn horizontal(reply: &AdvanceReply, tines: &[Tine]) -> f64 {
-    let outward = |tine: &Tine| {
+/// Returns the mean outward force of the ballast on the tines, N.
+fn horizontal(reply: &AdvanceReply, tines: &[TineMotion]) -> f64 {
+    let outward = |tine: &TineMotion| {
         let body = reply.bodies.iter().find(|b| b.body == tine.name);
         body.map_or(0.0, |b| -tine.inward * b.moving_average.force.x)
     };

@@ -209,8 +209,8 @@ impl RemoteBackend {
         spec: &WindowSpec,
     ) -> PyResult<AdvanceRequest> {
         let mut request = match (kind, spec.t1_ns, &self.last_window) {
-            (WindowKind::Advance, Some(t1_ns), _) => self.client.client().next(t1_ns),
-            (WindowKind::Redo, None, Some((ends, _))) => self.client.client().again(*ends),
+            (WindowKind::Advance, Some(t1_ns), _) => self.client.client().next_request(t1_ns),
+            (WindowKind::Redo, None, Some((ends, _))) => self.client.client().redo_request(*ends),
             _ => {
                 let expected = "a window before this one";
                 return Err(errors::request(py, "nothing_to_redo", "redo", expected, "none"));

@@ -1,4 +1,4 @@
-//! What of a run survives a crash, by what the lockstep says of it.
+//! Windows of a run that survive a crash, according to lockstep.
 
 #[path = "../../../tests/common/mod.rs"]
 mod common;
@@ -22,13 +22,13 @@ fn hash(_: &Model, state: &State) -> u128 {
     u128::from_be_bytes(Digest::of(format!("{state:?}").as_bytes()).0)
 }
 
-/// Falling stones, after so many windows of which all are in a checkpoint.
+/// Falling grains after some windows, all of which are in a checkpoint.
 fn kept(windows: u64) -> Lockstep {
     let scene = common::heap::falling(2, MS as u64).scheduled(Schedule::Synchronous, [2, 1, 1]);
     let component = Component::new(Arc::new(scene.model), scene.state, Limits::default());
     let mut lockstep = Lockstep::new(component.expect("a scene"), "run-1", hash);
     let ask = AttachRequest { client: "driver".into(), ..AttachRequest::default() };
-    lockstep.attach(&ask, TICKET.into(), 0).expect("nobody drives yet");
+    lockstep.attach(&ask, TICKET.into(), 0).expect("there is no owner yet");
     for seq in 1..=windows {
         window(&mut lockstep, WindowKind::Advance, &request(seq)).expect("a good window");
     }

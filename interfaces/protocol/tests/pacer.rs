@@ -36,7 +36,7 @@ fn asked() -> RealTimeMode {
     }
 }
 
-/// A component that runs by itself, and what has been computed: ends of windows and wall times.
+/// Component in real-time mode, with the ends and wall times of its windows.
 struct Running {
     component: Component,
     pacer: Pacer,
@@ -81,7 +81,7 @@ fn time_keeps_its_pace_and_the_latency() {
     assert_eq!(status.state, ComponentState::WaitingForInput);
     assert_eq!(status.waiting_for.as_deref(), Some("input of floor from driver"));
     assert_eq!(status.waiting_since_ms, Some(3));
-    // From 10 ms on a sample per 2 ms of wall time, 1 ms of its own, which begins anywhere.
+    // From 10 ms on a sample per 2 ms of wall time, 1 ms of the sender's clock, which begins anywhere.
     let begin = 7_000_000_000_000;
     for k in 0..100 {
         let wall = 10 * MS + k * 2 * MS;
@@ -193,7 +193,7 @@ fn silence_stops_time_and_input_lets_it_go_on_without_a_jump() {
         run.pacer.add_sample("floor", shaken::floor((5_049 * MS + k * MS) as i64), wall);
         run.work(wall);
     }
-    // Windows go on from where it stood, at the old pace: `advance_to` has refused no jump.
+    // Windows continue from the pause, at the old pace: `advance_to` has refused no jump.
     assert_eq!(run.component.now_ns(), stands + 49 * MS);
     assert_eq!(run.status(back + 98 * MS).state, ComponentState::Running);
 }
@@ -211,7 +211,7 @@ fn all_bodies_must_be_heard_of_and_set_the_time_together() {
         assert_eq!(run.work(k * 2 * MS), NextAction::WaitForSamples);
     }
     assert!(run.status(6_000 * MS).waiting_for.unwrap().contains("west"));
-    // The other one joins, by the same clock: both go on together.
+    // The other one joins, by the same clock: both continue together.
     for k in 3000..3050 {
         run.pacer.add_sample("west", west((k * MS) as i64), k * 2 * MS);
         run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
@@ -227,7 +227,7 @@ fn bodies_that_are_told_of_in_turn_may_be_farther_apart_than_the_latency() {
     let wall_at = run.component.state().imposed(run.component.model(), 1);
     let west = |time_ns: i64| MotionKnot { time_ns, pose: wall_at.into(), twist: Twist::default() };
     let still = |time_ns: i64| MotionKnot { twist: Twist::default(), time_ns, ..shaken::floor(0) };
-    // Each every 30 ms of the wall, 15 ms of its own: half of that is more than the latency, 5 ms.
+    // Each every 30 ms of the wall, 15 ms of the sender's clock: half of that is more than the latency, 5 ms.
     for k in 0..40 {
         let wall = 10 * MS + k * 15 * MS;
         let time_ns = (k * 15 * MS / 2) as i64;
@@ -359,7 +359,7 @@ fn silence_counts_although_there_are_samples_for_a_while() {
     assert_eq!((wall, run.status(wall).state), (218 * MS, ComponentState::WaitingForInput));
     let stands = run.component.now_ns();
     assert_eq!(run.work(2 * wall), NextAction::WaitForSamples);
-    // It goes on with the next words.
+    // It continues with the next samples.
     for k in 300..310 {
         run.pacer.add_sample("floor", shaken::floor((k * MS) as i64), k * 2 * MS);
         run.work(k * 2 * MS);
@@ -451,7 +451,7 @@ fn a_body_that_moves_goes_on_or_is_told() {
     assert!(fault.message.contains("floor") && fault.message.contains("m/s"), "{fault}");
     for interpolation in [InterpolationMode::Hermite, InterpolationMode::Linear] {
         let (component, asked) = (moving(), RealTimeMode { interpolation, ..asked() });
-        let pacer = Pacer::new(asked, &component, 0).expect("it goes on");
+        let pacer = Pacer::new(asked, &component, 0).expect("it continues");
         let mut run = Running { component, pacer, windows: vec![], motions: vec![] };
         for k in 0..20 {
             // The sender knows of it: its sample lands the latency later.

@@ -1,9 +1,9 @@
-//! What a window costs beside its computing, between two processes on the loopback: prints a CSV.
+//! Measures the overhead of a window between two processes on the loopback and prints a CSV.
 //!
 //!     cargo run --release -p ballast-zenoh --example window_overhead -- [WINDOWS] > overhead.csv
 //!     cargo run --release -p ballast-zenoh --example window_overhead -- WINDOWS SITE/ID > overhead.csv
 //!
-//! Nine stones in a process of its own, whose windows of 1 ms are about as long as the overhead; or, with SITE/ID, the
+//! Nine stones in a separate process, whose windows of 1 ms are about as long as the overhead; or, with SITE/ID, the
 //! component that `ballast serve` serves, with its hashes, checkpoints and recording, in windows of one time step in
 //! which nothing moves. From each round trip is taken what the component says that computing the window took.
 
@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             client.detach()?;
             times
         }
-        None => beside(windows)?,
+        None => measure_separate_process(windows)?,
     };
     let of = |pick: fn(&[f64; 2]) -> f64| times.iter().map(pick).collect();
     println!("what,windows,median_us,p99_us,max_us");
@@ -63,13 +63,13 @@ fn print(what: &str, mut times: Vec<f64>) {
     println!("{what},{},{:.0},{:.0},{:.0}", times.len(), at(0.5), at(0.99), at(1.0));
 }
 
-/// Windows of a component in another process.
-fn beside(windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
+/// Measures windows of a component in another process.
+fn measure_separate_process(windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
     let mut child =
         Command::new(std::env::current_exe()?).arg("serve").stdout(Stdio::piped()).spawn()?;
     let mut endpoint = String::new();
-    let told = child.stdout.take().ok_or("the other process tells nothing")?;
-    BufReader::new(told).read_line(&mut endpoint)?;
+    let stdout = child.stdout.take().ok_or("the other process has no output")?;
+    BufReader::new(stdout).read_line(&mut endpoint)?;
     let link = SessionConfig::connect_to(endpoint.trim());
     let mut client = Client::attach(KEY, &link, "bench", None, Timeouts::default())?;
     let times = measure(&mut client, windows)?;
@@ -78,11 +78,11 @@ fn beside(windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
     Ok(times)
 }
 
-/// How long each round trip has taken, and its computing, µs.
+/// Measures the duration of each round trip and of its computation, µs.
 fn measure(client: &mut Client, windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn Error>> {
     let (step_ns, bodies) = {
-        let told = client.describe()?;
-        (told.step_ns, told.bodies)
+        let description = client.describe()?;
+        (description.step_ns, description.bodies)
     };
     let mut times = Vec::new();
     for _ in 0..windows {
@@ -92,7 +92,7 @@ fn measure(client: &mut Client, windows: u64) -> Result<Vec<[f64; 2]>, Box<dyn E
         let begin = Instant::now();
         client.advance_to(t1, motions, vec![])?;
         let all = begin.elapsed().as_secs_f64() * 1e6;
-        let cost = client.status()?.last_window.ok_or("the component tells no cost")?;
+        let cost = client.status()?.last_window.ok_or("the status has no timing")?;
         times.push([all, cost.wall_time_ms * 1e3]);
     }
     Ok(times)

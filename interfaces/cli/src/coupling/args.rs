@@ -10,13 +10,13 @@ use std::time::Duration;
 /// Endpoints of the Zenoh session.
 #[derive(Debug, Clone, Args)]
 pub struct Endpoints {
-    /// Connect to this endpoint (tcp/HOST:PORT); may be given several times
+    /// Connect to this endpoint (tcp/HOST:PORT); can be repeated
     #[arg(long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
     /// Connect as client to the Zenoh router at this endpoint
     #[arg(long, value_name = "ENDPOINT", conflicts_with_all = ["connect", "listen"])]
     pub router: Option<String>,
-    /// Listen on this endpoint; may be given several times
+    /// Listen on this endpoint; can be repeated
     #[arg(long, value_name = "ENDPOINT")]
     pub listen: Vec<String>,
     /// Zenoh configuration file (JSON5), for TLS, users, scouting and other settings
@@ -25,19 +25,19 @@ pub struct Endpoints {
 }
 
 impl Endpoints {
-    fn link(&self) -> SessionConfig {
+    fn session_config(&self) -> SessionConfig {
         let Self { connect, router, listen, config } = self.clone();
         SessionConfig { config, listen, connect, router, ..SessionConfig::default() }
     }
 
     /// Returns the configuration of a server, which listens on the loopback by default.
     pub fn to_listen(&self) -> SessionConfig {
-        self.link().or_listen_on_default()
+        self.session_config().or_listen_on_default()
     }
 
     /// Returns the configuration of a client, which connects to the loopback by default.
     pub fn to_connect(&self) -> SessionConfig {
-        self.link().or_connect_to_default()
+        self.session_config().or_connect_to_default()
     }
 }
 
@@ -65,7 +65,7 @@ pub struct ServeArgs {
     pub force: bool,
     /// Minimum wall time between checkpoints in seconds (0: after every window)
     #[arg(long, value_name = "S", default_value = "30", value_parser = seconds)]
-    pub checkpoint_every: Duration,
+    pub checkpoint_interval: Duration,
     /// Publish pictures for viewers in a separate session that listens on this endpoint (tcp/127.0.0.1:7448)
     #[arg(long, value_name = "ENDPOINT")]
     pub viewer: Option<String>,
@@ -87,7 +87,7 @@ pub struct DescribeArgs {
     pub key: String,
     #[command(flatten)]
     pub endpoints: Endpoints,
-    /// Print the JSON Schema of its requests and replies instead
+    /// Print the JSON Schema of requests and replies instead
     #[arg(long)]
     pub schema: bool,
 }

@@ -1,4 +1,4 @@
-//! `ballast doctor`: what would keep a served component from working here, and what to do about it.
+//! `ballast doctor`: diagnoses problems that would keep a served component from working, with remedies.
 
 use super::args::DoctorArgs;
 use crate::case::{self, CaseOverrides};
@@ -14,6 +14,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 pub fn doctor(args: DoctorArgs, console: Console) -> Outcome {
+    super::log::install();
     let mut checks: Vec<(&str, Result<String, String>)> = vec![
         ("processors", Ok(on_threads(rayon::current_num_threads()))),
         ("loopback", loopback()),
@@ -30,10 +31,10 @@ pub fn doctor(args: DoctorArgs, console: Console) -> Outcome {
     for (what, result) in &checks {
         let (word, text) = match result {
             Ok(text) => ("ok", text),
-            Err(text) => ("WRONG", text),
+            Err(text) => ("FAILED", text),
         };
         console.event("check", json!({ "what": what, "ok": result.is_ok(), "text": text }));
-        console.result(&format!("{what:<12}{word:<7}{text}"));
+        console.result(&format!("{what:<12}{word:<8}{text}"));
     }
     match bad {
         0 => Ok(()),
@@ -41,38 +42,40 @@ pub fn doctor(args: DoctorArgs, console: Console) -> Outcome {
     }
 }
 
-/// Two sessions that find each other on this machine.
+/// Checks that two sessions find each other on this machine.
 fn loopback() -> Result<String, String> {
-    let hint = "a firewall may forbid connections on the loopback";
+    let hint = "a firewall may block connections on the loopback";
     let named = |e: ballast_zenoh::Error| format!("{e}; {hint}");
     let endpoint = free_endpoint().map_err(named)?;
     let _server =
-        Server::open("doctor/here", &SessionConfig::listen_on(&endpoint)).map_err(named)?;
-    let line =
-        Connection::open("doctor/here", &SessionConfig::connect_to(endpoint), Timeouts::default())
+        Server::open("doctor/local", &SessionConfig::listen_on(&endpoint)).map_err(named)?;
+    let connection =
+        Connection::open("doctor/local", &SessionConfig::connect_to(endpoint), Timeouts::default())
             .map_err(named)?;
-    line.status().map_err(named)?;
+    connection.status().map_err(named)?;
     Ok("two Zenoh sessions exchange messages".into())
 }
 
-/// Whether `serve` could listen as it is told to.
+/// Checks that `serve` can listen on its endpoints.
 fn endpoint(args: &DoctorArgs) -> Result<String, String> {
     if args.key.is_some() {
-        return Ok("not opened: a component should be there already".into());
+        return Ok("not opened: the component to check listens there".into());
     }
-    let link = args.endpoints.to_listen();
+    let config = args.endpoints.to_listen();
     let hint = match args.endpoints.router {
-        Some(_) => "does a Zenoh router run there?",
-        None => "is another component, or a Zenoh router, there? `--listen` takes another one",
+        Some(_) => "check that a Zenoh router runs there",
+        None => {
+            "another component or a Zenoh router may use it; choose another one with `--listen`"
+        }
     };
-    let server = Server::open("doctor/here", &link).map_err(|e| format!("{e}; {hint}"))?;
+    let server = Server::open("doctor/local", &config).map_err(|e| format!("{e}; {hint}"))?;
     Ok(match server.endpoints() {
         [] => "a session opens".into(),
         all => format!("free: {}", all.join(", ")),
     })
 }
 
-/// Whether files can be written, and HDF5 works.
+/// Checks that HDF5 files can be written and read.
 fn writable(folder: &Path) -> Result<String, String> {
     crate::files::create_folder(folder).map_err(|e| e.to_string())?;
     let path = folder.join(format!("doctor-{}.h5", std::process::id()));
@@ -88,17 +91,17 @@ fn writable(folder: &Path) -> Result<String, String> {
     let result = checkpoint::write(&path, &saved).and_then(|()| checkpoint::read(&path));
     let _ = std::fs::remove_file(&path);
     match result {
-        Ok(read) if read == saved => Ok(format!("{} takes HDF5 files", folder.display())),
-        Ok(_) => Err("an HDF5 file is read otherwise than it was written".into()),
+        Ok(read) if read == saved => Ok(format!("HDF5 files can be saved to {}", folder.display())),
+        Ok(_) => Err("an HDF5 file differs after reading".into()),
         Err(e) => Err(e.to_string()),
     }
 }
 
-/// Whether the case can be read, and its bed is there.
+/// Checks that the case is valid and whether its bed is prepared.
 fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, String> {
     let case = case::load(path, &CaseOverrides::default(), &console).map_err(|e| e.to_string())?;
     if !ballast_beds::BedStore::new(beds).path(&case.plan).exists() {
-        return Ok(format!("{}: its bed will be prepared first", case.plan.name));
+        return Ok(format!("{}: the bed is not prepared yet", case.plan.name));
     }
     let (model, state) = crate::beds::scene(&case, beds, &console).map_err(|e| e.to_string())?;
     let (grains, bodies) = (model.grains.len(), model.driven.len());
@@ -106,14 +109,15 @@ fn case_and_bed(path: &Path, beds: &Path, console: Console) -> Result<String, St
     Ok(format!("{}: {grains} grains, {bodies} driven bodies, bed prepared", case.plan.name))
 }
 
-/// Whether a component is there.
+/// Checks that a component replies.
 fn component(key: &str, args: &DoctorArgs) -> Result<String, String> {
-    let link = args.endpoints.to_connect();
-    let line = Connection::open(key, &link, Timeouts::default()).map_err(|e| e.to_string())?;
-    let status = line.status().map_err(|e| {
-        format!("{e}; does `ballast serve` run with this key, and do the endpoints match?")
+    let config = args.endpoints.to_connect();
+    let connection =
+        Connection::open(key, &config, Timeouts::default()).map_err(|e| e.to_string())?;
+    let status = connection.status().map_err(|e| {
+        format!("{e}; check that `ballast serve` runs with this key and that the endpoints match")
     })?;
-    let waits = status.waiting_for.map_or(String::new(), |what| format!(", waits for {what}"));
-    let told = format!("{}{waits}", status.state);
-    if status.state == ComponentState::Error { Err(told) } else { Ok(told) }
+    let waits = status.waiting_for.map_or(String::new(), |what| format!(", waiting for {what}"));
+    let text = format!("{}{waits}", status.state);
+    if status.state == ComponentState::Error { Err(text) } else { Ok(text) }
 }

@@ -63,7 +63,7 @@ impl ServedRun {
             choices: CaseOverrides::from(&args.overrides),
             beds: args.beds.bed_cache.clone(),
             checkpoint,
-            every: args.checkpoint_every,
+            every: args.checkpoint_interval,
             recording,
             written: Instant::now(),
             durable: None,

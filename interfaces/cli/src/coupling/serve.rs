@@ -1,4 +1,4 @@
-//! `ballast serve CASE --key SITE/ID`: the case's bed, moved by another program.
+//! `ballast serve CASE --key SITE/ID`: serves a bed whose bodies are moved by another program.
 
 use super::args::ServeArgs;
 use super::host::{ServedRun, served};
@@ -16,12 +16,13 @@ use serde_json::json;
 use std::path::Path;
 
 pub fn serve(args: ServeArgs, console: Console) -> Outcome {
+    super::log::install();
     interrupt::install()?;
     console::stop_blocking(console);
-    // Before a folder is made.
+    // Checked before a folder is created.
     Keys::of(&args.key)?;
-    let link = args.endpoints.to_listen();
-    link.listen_endpoints()?;
+    let config = args.endpoints.to_listen();
+    config.listen_endpoints()?;
     let given = CaseOverrides::from(&args.overrides);
     let mut case = case::load(&args.case, &given, &console)?;
     let folder = format!("{}-serve", case.plan.name);
@@ -37,16 +38,16 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
     }
     let first = args.record.as_deref().map(|path| served_recording::first_part(path, resumes));
     files.check_recording(first.as_deref())?;
-    // Before the bed is prepared: a port or a key that is taken is to be told at once, and partners may be waiting.
-    let mut server = Server::open(&args.key, &link)?;
+    // Opened before the bed is prepared: a port or key in use is reported at once, and clients may be waiting.
+    let mut server = Server::open(&args.key, &config)?;
     server.ensure_unique()?;
     if let Some(endpoint) = &args.viewer {
-        // Those who look come to this endpoint, to which a client of a router does not listen.
-        let viewers = SessionConfig { listen: vec![endpoint.clone()], router: None, ..link };
+        // Viewers connect to this endpoint; a client of a router would not listen on it.
+        let viewers = SessionConfig { listen: vec![endpoint.clone()], router: None, ..config };
         server = server.with_viewer(&viewers, args.viewer_interval)?;
     }
     let endpoints = server.endpoints();
-    console.note(&format!("{}: {}", args.key, told(endpoints)));
+    console.note(&format!("{}: {}", args.key, listening_text(endpoints)));
     console.event("serving", json!({ "key": args.key, "endpoints": endpoints }));
     let waits = args.defer_init && !resumes;
     let mut lockstep = if waits {
@@ -58,12 +59,12 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
     if resumes {
         served_checkpoint::resume(&checkpoint, &mut lockstep)?;
     }
-    // Again before anything is replaced: the bed may have taken its time.
+    // Checked again before files are replaced: preparing the bed may have taken long.
     server.ensure_unique()?;
     if server.is_isolated_by_router() {
         console.warning(
-            "connected to a router, which passes on nothing between two peers: only its clients find this component; \
-             --router instead of --connect makes it one of them",
+            "connected to a router, which forwards nothing between two peers: only its clients find this component; use \
+             --router instead of --connect",
         );
     }
     let recording = ServedRecording::create(args.record.as_deref(), resumes, &case, &lockstep)?;
@@ -71,7 +72,7 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
         case_run::warn_unless_repeatable(&case, console);
     }
     let mut served_run = ServedRun::new(&args, case, checkpoint, recording, console);
-    // A component that dies before its first checkpoint comes back as the same run.
+    // A component that is killed before its first checkpoint resumes as the same run.
     if !resumes && served_run.write_checkpoint(&lockstep) {
         lockstep.note_durable();
     }
@@ -84,7 +85,7 @@ pub fn serve(args: ServeArgs, console: Console) -> Outcome {
     served_run.errors.first_error().map_or(ended, Err)
 }
 
-fn told(endpoints: &[String]) -> String {
+fn listening_text(endpoints: &[String]) -> String {
     match endpoints {
         [] => "connected as client; not listening".into(),
         all => format!("listening on {}", all.join(", ")),
@@ -92,30 +93,30 @@ fn told(endpoints: &[String]) -> String {
 }
 
 fn finish(lockstep: &Lockstep, served_run: &ServedRun, console: Console) -> Outcome {
-    let place = lockstep.position();
+    let position = lockstep.position();
     if !lockstep.is_configured() {
-        console.result("nothing was prepared: nobody has asked for `init`");
+        console.result("no bed was prepared: no client has requested `init`");
         return if interrupt::requested() {
-            Err(Failure::Interrupted("stopped before anything was done".into()))
+            Err(Failure::Interrupted("stopped before a bed was prepared".into()))
         } else {
             Ok(())
         };
     }
-    let time_s = place.now_ns as f64 / 1e9;
+    let time_s = position.now_ns as f64 / 1e9;
     console.event(
         "done",
         json!({
-            "run_id": place.run_id, "seq": place.seq, "time_s": time_s, "state_hash": place.hash,
+            "run_id": position.run_id, "seq": position.seq, "time_s": time_s, "state_hash": position.hash,
             "windows": lockstep.computed_windows(),
         }),
     );
     let checkpoint = served_run.checkpoint.display();
     console.result(&format!(
         "run {}: window {}, {time_s:.4} s\nstate hash  {}\ncheckpoint  {checkpoint}",
-        place.run_id, place.seq, place.hash
+        position.run_id, position.seq, position.hash
     ));
     if interrupt::requested() {
-        let text = "stopped cleanly; the same command with --resume goes on";
+        let text = "stopped cleanly; continue with the same command and --resume";
         return Err(Failure::Interrupted(text.into()));
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! `ballast top SITE/ID`: a live table of a component: state, who waits for whom, how far, forces.
+//! `ballast top SITE/ID`: live table of a component with state, owner, progress and forces.
 
 use super::args::TopArgs;
 use crate::console::{Console, is_open};
@@ -16,20 +16,21 @@ use std::io::IsTerminal;
 use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
-/// Most bodies that are shown.
-const MOST: usize = 24;
+/// Maximum number of bodies in the table.
+const MAX_BODIES: usize = 24;
 
+/// Last published results of a window.
 #[derive(Default)]
-struct Told {
+struct LatestResults {
     bodies: BTreeMap<String, WrenchImpulse>,
     solver: Option<SolverStats>,
 }
 
-impl Told {
-    fn take(&mut self, encoding: &str, bytes: &[u8]) {
+impl LatestResults {
+    fn update(&mut self, encoding: &str, bytes: &[u8]) {
         if encoding.contains(WrenchImpulse::NAME) {
             if let Ok(body) = from_cdr::<WrenchImpulse>(bytes)
-                && (self.bodies.len() < MOST || self.bodies.contains_key(&body.body))
+                && (self.bodies.len() < MAX_BODIES || self.bodies.contains_key(&body.body))
             {
                 self.bodies.insert(body.body.clone(), body);
             }
@@ -40,13 +41,15 @@ impl Told {
 }
 
 pub fn top(args: TopArgs, console: Console) -> Outcome {
-    // It computes no step that would be waited for.
+    super::log::install();
+    // No running step has to finish first.
     interrupt::install_with_message("stopping")?;
-    let line = Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
-    let told = Arc::new(Mutex::new(Told::default()));
-    let to = Arc::clone(&told);
-    line.listen(move |_, encoding, bytes| {
-        enter(&to).take(encoding, bytes);
+    let connection =
+        Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
+    let results = Arc::new(Mutex::new(LatestResults::default()));
+    let to = Arc::clone(&results);
+    connection.subscribe(move |_, encoding, bytes| {
+        enter(&to).update(encoding, bytes);
     })?;
     let mut earlier: Option<(Instant, u64)> = None;
     let mut pace = None;
@@ -57,11 +60,11 @@ pub fn top(args: TopArgs, console: Console) -> Outcome {
         if k > 0 {
             std::thread::sleep(HEARTBEAT_INTERVAL);
         }
-        // Fails when nobody is there, so that the table never shows what is long over.
-        let status = line.status()?;
+        // Fails when the component is disconnected, so that the table never shows old values.
+        let status = connection.status()?;
         if k == 0 {
-            for (_, encoding, bytes) in line.last_messages()? {
-                enter(&told).take(&encoding, &bytes);
+            for (_, encoding, bytes) in connection.last_messages()? {
+                enter(&results).update(&encoding, &bytes);
             }
         }
         let now = (Instant::now(), status.position.now_ns);
@@ -71,8 +74,8 @@ pub fn top(args: TopArgs, console: Console) -> Outcome {
             pace = Some((now.0 - at).as_secs_f64() / ((now.1 - ns) as f64 * 1e-9));
         }
         earlier = Some(now);
-        // Not held while it is printed: whoever reads may take its time, and the component would wait for it.
-        let table = table(&args.key, &status, pace, &enter(&told));
+        // The lock is not held while printing, which may block; the component would wait for this subscriber.
+        let table = table(&args.key, &status, pace, &enter(&results));
         console.event("status", json!({ "status": status, "wall_per_simulated": pace }));
         let clear = if std::io::stdout().is_terminal() { "\x1b[H\x1b[J" } else { "" };
         console.result(&format!("{clear}{table}\n"));
@@ -83,10 +86,10 @@ pub fn top(args: TopArgs, console: Console) -> Outcome {
     Ok(())
 }
 
-fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> String {
-    let mut lines = whose(key, status);
-    lines.extend(work(status, pace));
-    if let Some(solver) = &told.solver {
+fn table(key: &str, status: &StatusReport, pace: Option<f64>, results: &LatestResults) -> String {
+    let mut lines = run_lines(key, status);
+    lines.extend(progress_lines(status, pace));
+    if let Some(solver) = &results.solver {
         lines.push((
             "solver",
             format!(
@@ -99,7 +102,7 @@ fn table(key: &str, status: &StatusReport, pace: Option<f64>, told: &Told) -> St
         ));
     }
     let mut text: Vec<_> = lines.iter().map(|(label, v)| format!("{label:<12}{v}")).collect();
-    text.extend(forces(&told.bodies));
+    text.extend(force_lines(&results.bodies));
     text.join("\n")
 }
 
@@ -107,35 +110,38 @@ fn seconds(ms: Option<u64>) -> String {
     format!("{:.1} s", ms.unwrap_or(0) as f64 * 1e-3)
 }
 
-/// Which run it is, who drives it, and what it waits for.
-fn whose(key: &str, status: &StatusReport) -> Vec<(&'static str, String)> {
-    let place = &status.position;
+/// Returns the lines on run, owner and awaited event.
+fn run_lines(key: &str, status: &StatusReport) -> Vec<(&'static str, String)> {
+    let position = &status.position;
     let mut lines = vec![
         ("component", format!("{key}, up for {}", seconds(Some(status.uptime_ms)))),
         ("state", status.state.to_string()),
         (
             "run",
-            format!("{}, window {}, kept up to {}", place.run_id, place.seq, status.durable_seq),
+            format!(
+                "{}, window {}, checkpoint up to {}",
+                position.run_id, position.seq, status.durable_seq
+            ),
         ),
-        ("time", format!("{:.6} s", place.now_ns as f64 * 1e-9)),
-        ("hash", place.hash.clone()),
+        ("time", format!("{:.6} s", position.now_ns as f64 * 1e-9)),
+        ("hash", position.hash.clone()),
     ];
     if let Some(owner) = &status.owner {
-        lines.push(("driven by", format!("{owner} for {}", seconds(status.owner_since_ms))));
+        lines.push(("owner", format!("{owner}, for {}", seconds(status.owner_since_ms))));
     }
     if let Some(what) = &status.waiting_for {
-        lines.push(("waits for", format!("{what}, for {}", seconds(status.waiting_since_ms))));
+        lines.push(("waiting for", format!("{what}, for {}", seconds(status.waiting_since_ms))));
     }
     lines
 }
 
-/// How far it is, and what that takes.
-fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)> {
+/// Returns the lines on progress and computing time.
+fn progress_lines(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)> {
     let mut lines = Vec::new();
     if let Some(p) = &status.progress {
         lines.push((
-            "computes",
-            format!("window {}, step {} of {}, {}", p.seq, p.step, p.steps, pace_of_steps(p)),
+            "computing",
+            format!("window {}, step {} of {}, {}", p.seq, p.step, p.steps, step_progress(p)),
         ));
     }
     if let Some(run) = &status.real_time {
@@ -149,17 +155,17 @@ fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)>
             ),
         ));
     }
-    if let Some(trouble) = &status.error {
-        lines.push(("error", trouble.clone()));
+    if let Some(error) = &status.error {
+        lines.push(("error", error.clone()));
     }
-    if let Some(cost) = &status.last_window {
-        let mut phases: Vec<_> = cost.phases_ms.iter().collect();
+    if let Some(timing) = &status.last_window {
+        let mut phases: Vec<_> = timing.phases_ms.iter().collect();
         phases.sort_by(|a, b| b.1.total_cmp(a.1));
-        let most = phases.iter().take(3).map(|(name, ms)| format!("{name} {ms:.1}"));
-        let (steps, most) = (cost.steps, most.collect::<Vec<_>>().join(", "));
+        let longest = phases.iter().take(3).map(|(name, ms)| format!("{name} {ms:.1}"));
+        let (steps, longest) = (timing.steps, longest.collect::<Vec<_>>().join(", "));
         lines.push((
             "last window",
-            format!("{:.1} ms for {steps} steps: {most} ms", cost.wall_time_ms),
+            format!("{:.1} ms for {steps} steps: {longest} ms", timing.wall_time_ms),
         ));
     }
     if let Some(pace) = pace {
@@ -168,18 +174,18 @@ fn work(status: &StatusReport, pace: Option<f64>) -> Vec<(&'static str, String)>
     lines
 }
 
-/// What the last step of a window has told; before there is one, for how long the first has been in work.
-fn pace_of_steps(p: &WindowProgress) -> String {
+/// Describes the last step of a window, or the running time of the first one.
+fn step_progress(p: &WindowProgress) -> String {
     match (p.iterations, p.residual_qm16, p.remaining_ms) {
         (Some(iterations), Some(residual), left @ Some(_)) => {
-            format!("{iterations} iterations, residual {residual:.1e}, {} left", seconds(left))
+            format!("{iterations} iterations, residual {residual:.1e}, {} remaining", seconds(left))
         }
-        _ => format!("the first one for {}", seconds(Some(p.elapsed_ms))),
+        _ => format!("first step running for {}", seconds(Some(p.elapsed_ms))),
     }
 }
 
-/// What the ballast does to each body, under a line of headings.
-fn forces(bodies: &BTreeMap<String, WrenchImpulse>) -> Vec<String> {
+/// Returns the table of the forces on the bodies.
+fn force_lines(bodies: &BTreeMap<String, WrenchImpulse>) -> Vec<String> {
     let head =
         format!("{:<20}{:>12}{:>12}{:>12}{:>10}", "body", "Fx (N)", "Fy (N)", "Fz (N)", "contacts");
     let row = |(name, body): (&String, &WrenchImpulse)| {
@@ -195,18 +201,18 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_no_step_has_told_yet_is_not_made_up() {
-        let told = |progress| {
+    fn values_of_a_step_appear_after_the_first_one() {
+        let text = |progress| {
             let status = StatusReport { progress: Some(progress), ..StatusReport::default() };
-            work(&status, None).remove(0).1
+            progress_lines(&status, None).remove(0).1
         };
         let begun =
             WindowProgress { seq: 5, steps: 1, elapsed_ms: 12_300, ..WindowProgress::default() };
-        assert_eq!(told(begun), "window 5, step 0 of 1, the first one for 12.3 s");
+        assert_eq!(text(begun), "window 5, step 0 of 1, first step running for 12.3 s");
         let (iterations, residual_qm16, remaining_ms) = (Some(40), Some(2e-3), Some(1500));
         let on =
             WindowProgress { step: 1, steps: 2, iterations, residual_qm16, remaining_ms, ..begun };
-        let expected = "window 5, step 1 of 2, 40 iterations, residual 2.0e-3, 1.5 s left";
-        assert_eq!(told(on), expected);
+        let expected = "window 5, step 1 of 2, 40 iterations, residual 2.0e-3, 1.5 s remaining";
+        assert_eq!(text(on), expected);
     }
 }

@@ -13,7 +13,7 @@ const MS: u64 = 1_000_000;
 fn a_redo_of_a_window_that_a_checkpoint_holds_survives_a_kill() {
     let place = Place::new();
     let endpoint = endpoint();
-    let arguments = "--out s --checkpoint-every 1000";
+    let arguments = "--out s --checkpoint-interval 1000";
     let mut serving = Serving::start(&place, &endpoint, arguments);
     let mut client = attach(&endpoint, None).unwrap();
     client.advance_to(MS, vec![], vec![]).unwrap();

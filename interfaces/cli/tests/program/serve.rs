@@ -323,7 +323,7 @@ fn ctrl_c_in_a_window_takes_it_back_and_the_run_goes_on_later() {
     step(&mut client).unwrap();
     let before = client.position().clone();
     let t1 = before.now_ns + 100 * MS;
-    let request = AdvanceRequest { motions: motion(&client, t1), ..client.next(t1) };
+    let request = AdvanceRequest { motions: motion(&client, t1), ..client.next_request(t1) };
     let computing = std::thread::spawn(move || client.send(WindowKind::Advance, request));
     std::thread::sleep(Duration::from_millis(300));
     serving.signal(Signal::SIGINT);
@@ -348,7 +348,9 @@ fn a_component_that_is_killed_comes_back_from_its_checkpoint_to_the_same_end() {
     let place = Place::new();
     let endpoint = endpoint();
     // Checkpoints of every window, and of none but the first.
-    for (k, arguments) in ["--checkpoint-every 0", "--checkpoint-every 1000"].iter().enumerate() {
+    for (k, arguments) in
+        ["--checkpoint-interval 0", "--checkpoint-interval 1000"].iter().enumerate()
+    {
         let arguments = format!("--out s{k} {arguments}");
         let mut serving = Serving::start(&place, &endpoint, &arguments);
         let mut client = attach(&endpoint, None).unwrap();
@@ -403,7 +405,7 @@ fn step_in_spite(
 fn a_run_that_rests_is_kept_when_the_time_has_come() {
     let place = Place::new();
     let endpoint = endpoint();
-    let _serving = Serving::start(&place, &endpoint, "--out s --checkpoint-every 1");
+    let _serving = Serving::start(&place, &endpoint, "--out s --checkpoint-interval 1");
     let mut client = attach(&endpoint, None).unwrap();
     (0..3).for_each(|_| step(&mut client).unwrap());
     let begin = Instant::now();
@@ -504,7 +506,7 @@ fn a_served_component_is_described_watched_and_examined() {
     client.shut_down().unwrap();
     serving.end().with_code(0);
     let lost = place.call(&format!("describe {KEY} --connect {endpoint}")).with_code(4).stderr();
-    assert!(lost.contains(KEY) && lost.contains("not there"), "{lost}");
+    assert!(lost.contains(KEY) && lost.contains("disconnected"), "{lost}");
     assert!(place.call("describe nonsense").with_code(2).stderr().contains("SITE/ID"));
 }
 
@@ -661,7 +663,7 @@ fn who_may_not_serve_replaces_nothing_and_prepares_nothing() {
             "serve tiny.toml --key {KEY} --listen {second} --connect {first} --bed-cache none --out old {arguments}"
         ));
         let message = refused.with_code(4).stderr();
-        assert!(message.contains("expected nobody alive there"), "{message}");
+        assert!(message.contains("key is already served"), "{message}");
         assert!(bytes() == before, "{arguments}");
         assert!(!place.path("none").exists() && !place.path("old.2.mcap").exists(), "{arguments}");
     }

@@ -1,4 +1,4 @@
-//! What holds for every type of message.
+//! Properties of every message type.
 
 mod conversions;
 mod imagined;

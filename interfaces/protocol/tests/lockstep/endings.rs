@@ -1,4 +1,4 @@
-//! How windows end: late, abandoned, failed, and what is told of their steps.
+//! Ends of windows: deadlines, cancellation, internal errors, and their step series.
 
 use crate::{MS, ask, lockstep, straight, window};
 use ballast_protocol::lockstep::WindowKind::{Advance, Redo};
@@ -97,7 +97,7 @@ fn a_window_is_told_step_by_step_where_that_is_asked_for() {
     let fault = ask(&mut lockstep, Advance, &long, &ticket).unwrap_err();
     assert!(fault.code == ErrorCode::TooLarge && fault.message.contains("20000 steps"), "{fault}");
     assert_eq!(lockstep.position().seq, 1);
-    // Nor is anything told of what was taken back.
+    // A rolled-back window has no step series.
     let request = AdvanceRequest {
         record_steps: true,
         deadline_policy: DeadlinePolicy::Discard,
@@ -132,7 +132,7 @@ fn a_failure_inside_is_told_and_got_over() {
 }
 
 #[test]
-fn a_window_that_is_abandoned_is_taken_back_and_keeps_its_number() {
+fn a_cancelled_window_is_rolled_back_and_keeps_its_number() {
     for kind in [Advance, Redo] {
         let (mut lockstep, ticket) = lockstep();
         let last = ask(&mut lockstep, Advance, &window(1), &ticket).unwrap();

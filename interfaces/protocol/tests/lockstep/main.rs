@@ -38,7 +38,7 @@ fn component() -> Component {
 /// Its lockstep, and the ticket of its owner.
 fn lockstep() -> (Lockstep, String) {
     let mut lockstep = Lockstep::new(component(), "run-1", hash);
-    let ticket = attach(&mut lockstep, "driver").expect("nobody drives yet");
+    let ticket = attach(&mut lockstep, "driver").expect("there is no owner yet");
     (lockstep, ticket)
 }
 

@@ -1,4 +1,4 @@
-//! Who drives, and when there is something to drive.
+//! Ownership, and requests before the bed is prepared.
 
 use crate::{MS, ask, attach, component, hash, lockstep, straight, window};
 use ballast_protocol::lockstep::WindowKind::Advance;
@@ -39,7 +39,7 @@ fn one_drives_and_others_cannot() {
     let fresh = lockstep.attach(&again, "fresh".into(), 2000).unwrap().ticket;
     assert_eq!(lockstep.detach(&ticket).unwrap_err().code, ErrorCode::NotOwner);
     ask(&mut lockstep, Advance, &window(1), &fresh).unwrap();
-    // Gone, and another one goes on with the run.
+    // After the disconnection another client continues the run.
     assert!(!lockstep.client_disconnected("other") && lockstep.client_disconnected("driver"));
     assert_eq!(
         ask(&mut lockstep, Advance, &window(2), &fresh).unwrap_err().code,
@@ -77,7 +77,7 @@ fn what_is_not_configured_waits_for_init_and_keeps_its_owner() {
     assert_eq!((place.run_id.as_str(), place.seq, place.now_ns), ("run-1", 0, 0));
     assert_eq!(lockstep.status(0).state, ComponentState::Idle);
     assert_eq!(ask(&mut lockstep, Advance, &window(1), &ticket).unwrap(), straight(1));
-    // Prepared anew: another run, nothing of the old one is left.
+    // Prepared again: a new run without anything of the old one.
     lockstep.save(&name, &ticket).unwrap();
     lockstep.begin_run(component(), "run-2".into(), 0);
     assert_eq!(lockstep.restore(&name, &ticket).unwrap_err().code, ErrorCode::UnknownState);

@@ -1,4 +1,4 @@
-//! What is refused, and what is message of it.
+//! Refused requests and their errors.
 
 use crate::{MS, ask, lockstep, window};
 use ballast_protocol::lockstep::WindowKind::Advance;

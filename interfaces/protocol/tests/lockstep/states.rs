@@ -15,7 +15,7 @@ fn states_are_kept_by_name() {
     let second = ask(&mut lockstep, Advance, &window(2), &ticket).unwrap();
     let back = lockstep.restore(&name, &ticket).unwrap();
     assert_eq!((back.now_ns, &back.hash, back.seq), (kept.now_ns, &kept.hash, 2));
-    // Numbers go on; the last window is not there to be redone or asked for again.
+    // Numbers continue; the last window is not there to be redone or asked for again.
     assert_eq!(
         ask(&mut lockstep, Redo, &window(2), &ticket).unwrap_err().code,
         ErrorCode::NothingToRedo
@@ -56,7 +56,7 @@ fn states_of_clients_that_are_gone_make_room() {
     lockstep.restore(&named(70, 1), &ticket).unwrap();
     lockstep.restore(&named(39, 1), &ticket).unwrap();
     assert_eq!(lockstep.restore(&named(38, 2), &ticket).unwrap_err().code, ErrorCode::UnknownState);
-    // Who is there keeps its own, and is told when they are too many.
+    // A connected client keeps its states and gets an error when there are too many.
     (0..64).for_each(|k| drop(lockstep.save(&named(0, k), &ticket).unwrap()));
     assert_eq!(lockstep.save(&named(0, 64), &ticket).unwrap_err().code, ErrorCode::TooManyStates);
     lockstep.restore(&named(0, 0), &ticket).unwrap();

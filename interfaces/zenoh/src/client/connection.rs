@@ -1,8 +1,8 @@
-//! The line to a component: asks until there is an answer, or it is clear that there will be none.
+//! Connection to a component: repeats requests until a reply arrives or a timeout expires.
 //!
-//! Contract: every call ends. No answer and no sign of life: *peer lost*. A sign of life, but no answer
-//! within the time allowed: *slow*. What got lost on the way is sent again, which is safe: a window is known
-//! by its number and content, every other request by a number of its own.
+//! Contract: every call ends. Without heartbeat and reply it fails with [`Error::Disconnected`], with a heartbeat but
+//! without reply in time with [`Error::Timeout`]. Repeating a request is safe: windows are identified by number and
+//! content, other requests by a request number.
 
 use super::liveness::LivenessMonitor;
 use crate::keys::{SCHEMA, last_segment};
@@ -23,31 +23,32 @@ use zenoh::query::{Reply, ReplyError};
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
-/// Between two attempts when nobody answers, at first and at most.
+/// Delay between two attempts without reply: initial and maximum.
 const RETRY_DELAY: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(200)];
-/// Between two looks at a component that computes.
+/// Interval of checks while the component computes.
 const POLL_INTERVAL: Duration = Duration::from_millis(50);
-/// After this time an attempt is given up and made again: Zenoh remembers it for so long.
+/// Timeout of a Zenoh query, after which the request is sent again.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(600);
 
-/// What may be behind a silence.
-const ROUTER_HINT: &str = "; the router here passes on nothing between two peers: one of the two has to be its client (--router)";
+/// Hint for a component that cannot be found through a router.
+const ROUTER_HINT: &str =
+    "; the router forwards nothing between two peers: one of the two must be its client (--router)";
 
-/// How long calls may take.
+/// Timeouts of calls.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Timeouts {
-    /// For requests that compute nothing.
+    /// Timeout of requests that compute nothing.
     pub control: Duration,
-    /// For a window without a deadline.
+    /// Timeout of a window without a deadline.
     pub window: Duration,
-    /// For a window beyond its deadline.
+    /// Time added to the deadline of a window.
     pub deadline_margin: Duration,
-    /// How long the component may be away, at first or in between.
+    /// Time without heartbeat and liveliness token after which the component counts as disconnected.
     pub disconnect: Duration,
 }
 
 impl Default for Timeouts {
-    /// 10 s, an hour, 2 s, and three heartbeats.
+    /// Returns 10 s, one hour, 2 s, and three heartbeats.
     fn default() -> Self {
         Self {
             control: Duration::from_secs(10),
@@ -58,18 +59,19 @@ impl Default for Timeouts {
     }
 }
 
-/// A line to a component, for those who look, and for [`super::Client`]s, who drive.
+/// Connection to a component: read-only requests and subscriptions; a [`super::Client`] adds ownership.
 pub struct Connection {
     link: SessionConfig,
     session: Session,
     keys: Keys,
     liveness: Arc<LivenessMonitor>,
+    /// Timeouts of calls.
     pub timeouts: Timeouts,
-    /// Once set, every call ends within a moment with [`Error::Cancelled`], until it is taken back.
+    /// Flag that ends every call with [`Error::Cancelled`] while it is set.
     pub cancelled: Arc<AtomicBool>,
 }
 
-/// What is asked.
+/// Request to be sent.
 pub(super) struct OutgoingRequest<'a> {
     pub request: &'a str,
     pub key: String,
@@ -78,19 +80,19 @@ pub(super) struct OutgoingRequest<'a> {
     pub credentials: String,
 }
 
-/// How an attempt ended.
+/// Result of one attempt to send a request.
 enum Attempt {
     Answered(Vec<u8>),
     Refused(RequestError),
-    /// Nobody was there, or the answer got lost.
-    Nothing,
+    /// No reply has arrived.
+    NoReply,
 }
 
-/// Where the answers to an attempt come in.
+/// Channel of the replies to an attempt.
 type Replies = FifoChannelHandler<Reply>;
 
 impl Attempt {
-    /// What an answer says; `None` for a word of Zenoh itself.
+    /// Converts a reply; `None` for an error of Zenoh.
     fn of(reply: Reply) -> Option<Self> {
         match reply.into_result() {
             Ok(sample) => Some(Self::Answered(sample.payload().to_bytes().into_owned())),
@@ -100,15 +102,15 @@ impl Attempt {
 }
 
 impl Connection {
-    /// A line to the component `site/id`, which need not be there yet.
+    /// Opens a connection to the component `site/id`, which may start later.
     ///
     /// # Errors
-    /// A name or a link that cannot be used.
+    /// An invalid name, or a session that cannot be opened.
     pub fn open(component: &str, link: &SessionConfig, timeouts: Timeouts) -> Result<Self, Error> {
         Self::open_cancellable(component, link, timeouts, Arc::default())
     }
 
-    /// The same; calls end once `cancelled` is set.
+    /// Opens a connection whose calls end when `cancelled` is set.
     pub(super) fn open_cancellable(
         component: &str,
         link: &SessionConfig,
@@ -141,18 +143,18 @@ impl Connection {
         Ok(Self { link, session, keys, liveness, timeouts, cancelled })
     }
 
-    /// The names under which the component is found.
+    /// Returns the key expressions of the component.
     pub fn keys(&self) -> &Keys {
         &self.keys
     }
 
-    /// Declares a client alive until the token is dropped.
+    /// Declares the liveliness token of a client.
     pub(super) fn declare_client(&self, client: &str) -> Result<LivelinessToken, Error> {
         let token = self.session.liveliness().declare_token(self.keys.owner(client)).wait();
         token.map_err(|e| Error::transport("zenoh", e))
     }
 
-    /// Sends something that is not answered.
+    /// Publishes a message without reply.
     pub(super) fn put(
         &self,
         key: String,
@@ -165,35 +167,35 @@ impl Connection {
         put.wait().map_err(|e| Error::transport(key, e))
     }
 
-    /// Calls `take` with key, encoding and bytes of everything that the component tells.
+    /// Subscribes to all messages of the component; `callback` receives key, encoding and bytes.
     ///
     /// # Errors
-    /// The session breaks down.
-    pub fn listen(
+    /// The session fails.
+    pub fn subscribe(
         &self,
-        take: impl Fn(&str, &str, &[u8]) + Send + Sync + 'static,
+        callback: impl Fn(&str, &str, &[u8]) + Send + Sync + 'static,
     ) -> Result<(), Error> {
         let listen = move |sample: Sample| {
             let encoding = sample.encoding().to_string();
-            take(sample.key_expr().as_str(), &encoding, &sample.payload().to_bytes());
+            callback(sample.key_expr().as_str(), &encoding, &sample.payload().to_bytes());
         };
         let all = self.session.declare_subscriber(self.keys.out_any()).callback(listen);
         all.background().wait().map_err(|e| Error::transport("zenoh", e))
     }
 
-    /// What the component told last under every key, for those who came late: key, encoding, bytes.
+    /// Returns the last message of every key of the component: key, encoding, bytes.
     ///
     /// # Errors
-    /// The session breaks down; more is asked than the component answers.
+    /// The session fails, or the component refuses the request.
     pub fn last_messages(&self) -> Result<Vec<(String, String, Vec<u8>)>, Error> {
         let get = self.session.get(self.keys.out_any()).timeout(self.timeouts.control);
         let replies = get.wait().map_err(|e| Error::transport("zenoh", e))?;
-        let mut told = Vec::new();
+        let mut messages = Vec::new();
         for reply in replies {
             match reply.into_result() {
                 Ok(s) => {
                     let bytes = s.payload().to_bytes().into_owned();
-                    told.push((s.key_expr().to_string(), s.encoding().to_string(), bytes));
+                    messages.push((s.key_expr().to_string(), s.encoding().to_string(), bytes));
                 }
                 Err(error) => {
                     if let Some(fault) = refusal(&error) {
@@ -202,29 +204,29 @@ impl Connection {
                 }
             }
         }
-        Ok(told)
+        Ok(messages)
     }
 
-    /// What the component says of itself.
+    /// Returns the description of the component.
     ///
     /// # Errors
-    /// No answer, or none that can be read; it is being prepared.
+    /// No valid reply, or the bed is being prepared.
     pub fn describe(&self) -> Result<ComponentDescription, Error> {
         self.query("describe", self.keys.describe())
     }
 
-    /// The JSON Schema of the component's requests and replies.
+    /// Returns the JSON Schema of the component's requests and replies.
     ///
     /// # Errors
-    /// No answer, or none that can be read.
+    /// No valid reply.
     pub fn schema(&self) -> Result<serde_json::Value, Error> {
         self.query("schema", format!("{}?{SCHEMA}", self.keys.describe()))
     }
 
-    /// What the component is doing.
+    /// Returns the status of the component.
     ///
     /// # Errors
-    /// No answer, or none that can be read.
+    /// No valid reply.
     pub fn status(&self) -> Result<StatusReport, Error> {
         let verb = RequestKind::Status.name();
         self.query(verb, self.keys.control(verb))
@@ -235,15 +237,15 @@ impl Connection {
         decode(request, &self.call(&ask, self.timeouts.control)?)
     }
 
-    /// What the component was doing at its last heartbeat.
+    /// Returns the status of the last heartbeat.
     pub fn last_status(&self) -> Option<StatusReport> {
         self.liveness.status()
     }
 
-    /// Asks until there is an answer or the time allowed is over.
+    /// Sends a request repeatedly until a reply arrives or the timeout expires.
     pub(super) fn call(&self, ask: &OutgoingRequest, allowed: Duration) -> Result<Vec<u8>, Error> {
         if let Some((bytes, _)) = ask.payload.as_ref().filter(|p| p.0.len() > MAX_MESSAGE_BYTES) {
-            // It would never arrive: the wire drops what is larger.
+            // Zenoh would drop a larger message.
             let expected = format!("at most {MAX_MESSAGE_BYTES} bytes");
             return Err(RequestError::expected(
                 ErrorCode::TooLarge,
@@ -261,7 +263,7 @@ impl Connection {
                 Attempt::Refused(fault) if fault.code != ErrorCode::TooManyRequests => {
                     return Err(fault.into());
                 }
-                Attempt::Refused(_) | Attempt::Nothing => {}
+                Attempt::Refused(_) | Attempt::NoReply => {}
             }
             self.check(ask, begin, allowed)?;
             self.liveness.wait(pause);
@@ -269,7 +271,7 @@ impl Connection {
         }
     }
 
-    /// Asks, and waits for an answer to this or to what was `sent` before: on a slow wire it may be under way for long.
+    /// Sends a request once and waits for a reply to it or to an earlier attempt, which a slow connection may delay.
     fn attempt(
         &self,
         ask: &OutgoingRequest,
@@ -289,7 +291,7 @@ impl Connection {
         }
         let asked = Instant::now();
         let replies = get.wait().map_err(|e| Error::transport(&ask.key, e))?;
-        // What has taken its time to go out may take as long to arrive.
+        // A request that took long to send may take as long to arrive.
         let (heartbeats, out, took) = (self.liveness.heartbeats(), Instant::now(), asked.elapsed());
         loop {
             let mut late = sent.iter().filter_map(|replies| replies.try_recv().ok().flatten());
@@ -306,23 +308,23 @@ impl Connection {
                     self.check(ask, begin, allowed)?;
                     if out.elapsed() >= took && self.liveness.is_idle_since(heartbeats) {
                         sent.push(replies);
-                        return Ok(Attempt::Nothing);
+                        return Ok(Attempt::NoReply);
                     }
                 }
-                // All replies are in, and none is an answer.
-                Err(_) => return Ok(Attempt::Nothing),
+                // The query has ended without a reply of the component.
+                Err(_) => return Ok(Attempt::NoReply),
             }
         }
     }
 
-    /// Whether the component was there not longer than so ago, counted from `since` at the earliest, if that is given.
+    /// Returns an error if the component has been disconnected for `timeout`, counted from `since` at the earliest.
     fn ensure_connected(
         &self,
         request: &str,
         since: Option<Instant>,
-        most: Duration,
+        timeout: Duration,
     ) -> Result<(), Error> {
-        let gone = self.liveness.disconnected_for(since).filter(|gone| *gone >= most);
+        let gone = self.liveness.disconnected_for(since).filter(|gone| *gone >= timeout);
         gone.map_or(Ok(()), |gone| {
             let (request, component) = (request.to_string(), self.keys.name().to_string());
             let hint =
@@ -331,8 +333,7 @@ impl Connection {
         })
     }
 
-    /// Whether what is sent without an answer is heeded, by what the component has told since it had told what it does so
-    /// many times.
+    /// Returns an error if the component is disconnected or a heartbeat after number `heartbeats` names another owner.
     pub(super) fn ensure_owner(
         &self,
         request: &str,
@@ -349,19 +350,19 @@ impl Connection {
         }
     }
 
-    /// How many times the component has told what it does.
+    /// Returns the number of received heartbeats.
     pub(super) fn heartbeats(&self) -> u64 {
         self.liveness.heartbeats()
     }
 
-    /// Whether it still makes sense to wait.
+    /// Returns an error if the call is cancelled, the component disconnected, or the timeout expired.
     fn check(&self, ask: &OutgoingRequest, begin: Instant, allowed: Duration) -> Result<(), Error> {
         let (request, component) = (ask.request.to_string(), self.keys.name().to_string());
         let waited = begin.elapsed();
         if self.cancelled.load(Ordering::Relaxed) {
             return Err(Error::Cancelled { request, component, waited_s: waited.as_secs_f64() });
         }
-        // Someone who is away is lost, not slow, also where the time allowed is shorter.
+        // A disconnected component is reported as such, also if the timeout is shorter.
         self.ensure_connected(ask.request, Some(begin), self.timeouts.disconnect.min(allowed))?;
         if waited < allowed {
             return Ok(());
@@ -371,23 +372,23 @@ impl Connection {
     }
 }
 
-/// A refusal of ours; what is none comes from Zenoh itself: nobody is there, or the time of the query is over.
+/// Decodes the error of a component; other errors come from Zenoh, which found no component in time.
 fn refusal(error: &ReplyError) -> Option<RequestError> {
     serde_json::from_slice(&error.payload().to_bytes()).ok()
 }
 
 fn describe_activity(status: Option<&StatusReport>) -> String {
-    let Some(status) = status else { return "it has not told what it does".into() };
+    let Some(status) = status else { return "no status received".into() };
     match (&status.progress, &status.waiting_for) {
         (Some(p), _) if status.state == ComponentState::Running => {
             let seconds = |ms: u64| ms as f64 * 1e-3;
             let time = match p.remaining_ms {
-                Some(ms) => format!("{:.1} s left", seconds(ms)),
-                None => format!("its first one for {:.1} s", seconds(p.elapsed_ms)),
+                Some(ms) => format!("{:.1} s remaining", seconds(ms)),
+                None => format!("first step running for {:.1} s", seconds(p.elapsed_ms)),
             };
             format!("step {} of {} of window {}, {time}", p.step, p.steps, p.seq)
         }
-        (_, Some(what)) => format!("it waits for {what}"),
+        (_, Some(what)) => format!("waiting for {what}"),
         _ => status.state.to_string(),
     }
 }
@@ -402,15 +403,15 @@ mod tests {
     use ballast_protocol::lockstep::WindowProgress;
 
     #[test]
-    fn what_is_left_is_told_when_a_step_has_told_it() {
-        let told = |progress| {
+    fn remaining_time_is_known_after_the_first_step() {
+        let text = |progress| {
             let (state, progress) = (ComponentState::Running, Some(progress));
             describe_activity(Some(&StatusReport { state, progress, ..StatusReport::default() }))
         };
         let begun =
             WindowProgress { seq: 7, steps: 3, elapsed_ms: 4200, ..WindowProgress::default() };
-        assert_eq!(told(begun), "step 0 of 3 of window 7, its first one for 4.2 s");
+        assert_eq!(text(begun), "step 0 of 3 of window 7, first step running for 4.2 s");
         let on = WindowProgress { step: 1, remaining_ms: Some(8400), ..begun };
-        assert_eq!(told(on), "step 1 of 3 of window 7, 8.4 s left");
+        assert_eq!(text(on), "step 1 of 3 of window 7, 8.4 s remaining");
     }
 }

@@ -161,7 +161,7 @@ impl Client {
         self.ask(RequestKind::Shutdown, Effect::Continues, &EmptyRequest {})
     }
 
-    /// Asks for what effect elsewhere than the windows so far.
+    /// Sends a request that replaces the state or the run.
     fn replace_run(
         &mut self,
         verb: RequestKind,
@@ -179,7 +179,7 @@ impl Client {
         }
     }
 
-    /// Asks for what effect to a position.
+    /// Sends a request and returns the position of the run.
     fn ask(
         &mut self,
         verb: RequestKind,

@@ -14,14 +14,15 @@ const MAX_KNOTS: usize = 1_000_000;
 
 /// Window with its reply.
 pub(super) struct JournalEntry {
-    /// As it effect to the same state again.
+    /// Request that leads to the same state again.
     pub request: Arc<AdvanceRequest>,
     /// State hashes before and after.
     pub hashes: [String; 2],
 }
 
-/// A window as it is asked for again: up to where it ended, however long that takes. One that was taken back effect
-/// nowhere; it has its number.
+/// Returns the request that repeats a window: up to its actual end and without a deadline.
+///
+/// A rolled-back window becomes an empty one that only takes its number.
 fn repeatable(mut request: Arc<AdvanceRequest>, reply: &AdvanceReply) -> Arc<AdvanceRequest> {
     if request.deadline_ms == 0 && matches!(reply.status, ReplyStatus::Ok | ReplyStatus::Warn) {
         return request;
@@ -41,6 +42,7 @@ fn repeatable(mut request: Arc<AdvanceRequest>, reply: &AdvanceReply) -> Arc<Adv
     request
 }
 
+/// Journal of windows that no checkpoint contains.
 #[derive(Default)]
 pub(super) struct Journal {
     entries: VecDeque<JournalEntry>,
@@ -97,7 +99,7 @@ impl Journal {
         self.knots = 0;
     }
 
-    /// The windows after `position`, if they are all there and begin in its state, and the hash that each effect to.
+    /// Returns the windows after `position` with their final hashes, if the journal has all of them.
     pub fn after(&self, position: &RunPosition) -> Option<Vec<(Arc<AdvanceRequest>, String)>> {
         let first = self.entries.iter().position(|e| e.request.seq == position.seq + 1)?;
         let again = |e: &JournalEntry| (Arc::clone(&e.request), e.hashes[1].clone());

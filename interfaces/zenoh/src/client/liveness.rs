@@ -1,4 +1,4 @@
-//! Whether a component is there, and what it does: its liveliness tokens and its heartbeat.
+//! Liveness of a component: its liveliness tokens and its heartbeat.
 
 use crate::lock_unpoisoned;
 use ballast_protocol::lockstep::{ComponentState, StatusReport};
@@ -6,24 +6,25 @@ use std::collections::BTreeSet;
 use std::sync::{Condvar, Mutex, MutexGuard};
 use std::time::{Duration, Instant};
 
-/// Most tokens of one component: there are two for a moment when a run begins anew.
+/// Maximum number of remembered tokens; a component has two for a moment when a new run starts.
 const MAX_TOKENS: usize = 16;
 
+/// Monitor of the tokens and heartbeats of a component.
 pub(super) struct LivenessMonitor {
     snapshot: Mutex<PeerSnapshot>,
     changed: Condvar,
 }
 
 struct PeerSnapshot {
-    /// Runs that are alive.
+    /// Runs with a liveliness token.
     tokens: BTreeSet<String>,
-    /// The last sign of life.
-    at: Instant,
+    /// Time of the last token or heartbeat.
+    last_seen_at: Instant,
     status: Option<StatusReport>,
     heartbeats: u64,
-    /// How many of the last heartbeats in a row found it waiting.
+    /// Number of consecutive heartbeats in an idle state.
     idle_heartbeats: u64,
-    /// How many of the last heartbeats in a row told of the same owner, or of none.
+    /// Number of consecutive heartbeats with the same owner.
     same_owner_heartbeats: u64,
 }
 
@@ -31,7 +32,7 @@ impl LivenessMonitor {
     pub fn new() -> Self {
         let snapshot = PeerSnapshot {
             tokens: BTreeSet::new(),
-            at: Instant::now(),
+            last_seen_at: Instant::now(),
             status: None,
             heartbeats: 0,
             idle_heartbeats: 0,
@@ -49,14 +50,14 @@ impl LivenessMonitor {
         if snapshot.tokens.len() < MAX_TOKENS {
             snapshot.tokens.insert(run.into());
         }
-        snapshot.at = Instant::now();
+        snapshot.last_seen_at = Instant::now();
         self.changed.notify_all();
     }
 
     pub fn token_vanished(&self, run: &str) {
         let mut snapshot = self.lock();
         snapshot.tokens.remove(run);
-        snapshot.at = Instant::now();
+        snapshot.last_seen_at = Instant::now();
     }
 
     pub fn heartbeat(&self, status: StatusReport) {
@@ -68,50 +69,50 @@ impl LivenessMonitor {
             if is_alike { snapshot.same_owner_heartbeats + 1 } else { 1 };
         snapshot.heartbeats += 1;
         snapshot.status = Some(status);
-        snapshot.at = Instant::now();
+        snapshot.last_seen_at = Instant::now();
         self.changed.notify_all();
     }
 
-    /// What it was doing when it last told.
+    /// Returns the status of the last heartbeat.
     pub fn status(&self) -> Option<StatusReport> {
         self.lock().status.clone()
     }
 
-    /// How many times it has told what it does.
+    /// Returns the number of received heartbeats.
     pub fn heartbeats(&self) -> u64 {
         self.lock().heartbeats
     }
 
-    /// Who drives, if it has told so twice in a row since there were `heartbeats` of them: the first may have been on its way
-    /// before, or from another component that has yet to find out that its name is taken.
+    /// Returns the owner that two consecutive heartbeats after number `heartbeats` have named.
+    ///
+    /// A single one may be late, or come from another component that is about to find its key in use.
     pub fn owner_since(&self, heartbeats: u64) -> Option<Option<String>> {
         let snapshot = self.lock();
         let is_sure = snapshot.heartbeats >= heartbeats + 2 && snapshot.same_owner_heartbeats >= 2;
         snapshot.status.as_ref().filter(|_| is_sure).map(|status| status.owner.clone())
     }
 
-    /// Whether it has been waiting for two heartbeats since there were `heartbeats` of them: it has not got, or has
-    /// answered, what it was asked.
+    /// Returns true if two heartbeats after number `heartbeats` were idle: the request has not arrived, or is answered.
     pub fn is_idle_since(&self, heartbeats: u64) -> bool {
         let snapshot = self.lock();
         snapshot.heartbeats >= heartbeats + 2 && snapshot.idle_heartbeats >= 2
     }
 
-    /// For how long it has been neither alive nor heard of, if so; counted from `since` at the earliest, if that is given.
+    /// Returns the time without token and heartbeat, counted from `since` at the earliest; `None` while a token exists.
     pub fn disconnected_for(&self, since: Option<Instant>) -> Option<Duration> {
         let snapshot = self.lock();
-        snapshot
-            .tokens
-            .is_empty()
-            .then(|| since.map_or(snapshot.at, |since| snapshot.at.max(since)).elapsed())
+        snapshot.tokens.is_empty().then(|| {
+            since.map_or(snapshot.last_seen_at, |since| snapshot.last_seen_at.max(since)).elapsed()
+        })
     }
 
-    /// Sleeps until there is a sign of life, `most` at the longest.
-    pub fn wait(&self, most: Duration) {
+    /// Sleeps until a token or heartbeat arrives, at most for `timeout`.
+    pub fn wait(&self, timeout: Duration) {
         let snapshot = self.lock();
-        let before = snapshot.at;
-        let waited =
-            self.changed.wait_timeout_while(snapshot, most, |snapshot| snapshot.at == before);
+        let before = snapshot.last_seen_at;
+        let waited = self
+            .changed
+            .wait_timeout_while(snapshot, timeout, |snapshot| snapshot.last_seen_at == before);
         drop(waited);
     }
 }

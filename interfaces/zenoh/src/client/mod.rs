@@ -1,10 +1,9 @@
-//! Steps a component from another process.
+//! Client that owns a component in another process and steps it.
 //!
-//! Contract: a request that is not answered is asked again, and has its effect once. A client whose
-//! connection was cut becomes the owner again by itself; when the component comes back from an older
-//! checkpoint, the windows since then are asked for again, and their state hashes compared. One that finds the run
-//! elsewhere than it left it goes on only from a kept state or from the beginning. Every call ends: with the answer, with
-//! what the component refuses, with *diverged*, or with *slow* or *peer lost*; in time, where the wire takes what is sent.
+//! Contract: a request without reply is repeated and executed once. After a disconnection the client attaches again
+//! automatically. If the component restarts from an older checkpoint, the client repeats the windows since then and
+//! compares their state hashes. If another client has changed the run, only a saved state or a new run can be used.
+//! Every call ends within its timeout, provided that the transport accepts the message.
 
 mod connection;
 mod control;
@@ -31,38 +30,40 @@ use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use zenoh::liveliness::LivelinessToken;
 
-/// The owner of a component.
+/// Client that owns a component.
 pub struct Client {
     connection: Connection,
     id: String,
     _token: LivelinessToken,
     ticket: String,
-    /// How many had driven when this client became the owner.
+    /// Number of owners when this client attached.
     owner_count: u64,
     position: RunPosition,
     journal: Journal,
-    /// Time was let run by itself: where it is, nobody knows beforehand.
+    /// True while the real-time mode may be active, so that the position is unknown.
     is_real_time: bool,
-    /// How many times the component had told what it does when this client last became its owner.
+    /// Number of heartbeats received when this client last attached.
     heartbeats: u64,
-    /// The component may have lost sight of this client, or is not where it was left: to be snapshot to first.
+    /// True if the client must attach again before the next request.
     must_reattach: bool,
-    /// What was asked, and not answered yet.
+    /// Request without reply.
     pending: Option<PendingRequest>,
-    /// Where the component was found, as if what is pending had been done.
+    /// Position found on attaching, if the pending request may have led to it.
     assumed_position: Option<RunPosition>,
-    /// Where the run is, in words, after it has gone on without this client, or may have.
+    /// Description of the position to which the run has diverged.
     diverged_at: Option<String>,
-    /// The number and the text of a request to drive that was not answered: it may have had its effect.
+    /// Credentials and text of an unanswered request to attach.
     pending_attach: Option<(String, Vec<u8>)>,
 }
 
 impl Client {
-    /// Connects to the component `site/id` and becomes its owner. `name` is what others are told; letters,
-    /// digits, `-`, `_`, `.`. With `run_id`, only if it has this run.
+    /// Connects to the component `site/id` and becomes its owner.
+    ///
+    /// `name` is shown to other clients; it consists of letters, digits, `-`, `_` and `.`. With `run_id`, attaches only
+    /// to this run.
     ///
     /// # Errors
-    /// A name or a link that cannot be used; nobody there; someone else drives; another run.
+    /// An invalid name, a session that cannot be opened, a disconnected component, another owner, or another run.
     pub fn attach(
         component: &str,
         link: &SessionConfig,
@@ -73,10 +74,10 @@ impl Client {
         Self::attach_cancellable(component, link, name, run_id, timeouts, Arc::default())
     }
 
-    /// The same; this and every later call ends within a moment once `cancelled` is set ([`Connection::cancelled`]).
+    /// Attaches like [`Client::attach`]; this and every later call ends when `cancelled` is set.
     ///
     /// # Errors
-    /// As for [`Client::attach`]; [`Error::Cancelled`].
+    /// Those of [`Client::attach`], and [`Error::Cancelled`].
     pub fn attach_cancellable(
         component: &str,
         link: &SessionConfig,
@@ -85,7 +86,7 @@ impl Client {
         timeouts: Timeouts,
         cancelled: Arc<AtomicBool>,
     ) -> Result<Self, Error> {
-        // A name of its own for every connection: the token of one that is gone says so.
+        // A unique name, so that a vanished token identifies the connection.
         let id = format!("{name}-{}", &random()?[..8]);
         let connection = Connection::open_cancellable(component, link, timeouts, cancelled)?;
         let token = connection.declare_client(&id)?;
@@ -116,82 +117,81 @@ impl Client {
         Ok(client)
     }
 
-    /// Where the run stands.
+    /// Returns the position of the run.
     pub fn position(&self) -> &RunPosition {
         &self.position
     }
 
-    /// The name under which this client drives.
+    /// Returns the name of this client.
     pub fn id(&self) -> &str {
         &self.id
     }
 
-    /// The line, for looking, and for giving up.
+    /// Returns the connection, for read-only requests and cancellation.
     pub fn connection(&self) -> &Connection {
         &self.connection
     }
 
-    /// What the component says of itself.
+    /// Returns the description of the component.
     ///
     /// # Errors
-    /// No answer, or none that can be read.
+    /// No valid reply.
     pub fn describe(&self) -> Result<ComponentDescription, Error> {
         self.connection.describe()
     }
 
-    /// What the component is doing.
+    /// Returns the status of the component.
     ///
     /// # Errors
-    /// No answer, or none that can be read.
+    /// No valid reply.
     pub fn status(&self) -> Result<StatusReport, Error> {
         self.connection.status()
     }
 
-    /// The request of the next window, to `t1_ns`: without inputs, without a deadline.
-    pub fn next(&self, t1_ns: u64) -> AdvanceRequest {
+    /// Returns the request of the next window, to `t1_ns`, without inputs and deadline.
+    pub fn next_request(&self, t1_ns: u64) -> AdvanceRequest {
         let RunPosition { run_id, seq, now_ns, .. } = &self.position;
         AdvanceRequest::of(run_id, seq + 1, [*now_ns, t1_ns])
     }
 
-    /// The request of the last window, whose ends are given, again.
-    pub fn again(&self, ends: [u64; 2]) -> AdvanceRequest {
+    /// Returns the request of the last window with start and end `ends`, ns, without inputs and deadline.
+    pub fn redo_request(&self, ends: [u64; 2]) -> AdvanceRequest {
         AdvanceRequest::of(&self.position.run_id, self.position.seq, ends)
     }
 
     /// Computes the next window, to `t1_ns`.
     ///
     /// # Errors
-    /// What the component refuses; [`Error::Timeout`], [`Error::Disconnected`]: the same call may be made again. Another one
-    /// waits for the answer to this first, and is refused as out of sequence where the window has been computed:
-    /// [`Client::position`] tells where the run is then.
+    /// [`Error::Rejected`], or no reply. Without a reply, the same call can be repeated; another call first waits for
+    /// the pending reply and fails as out of sequence if the window was computed.
     pub fn advance_to(
         &mut self,
         t1_ns: u64,
         motions: Vec<BodyMotion>,
         loads: Vec<BodyLoad>,
     ) -> Result<AdvanceReply, Error> {
-        let request = AdvanceRequest { motions, loads, ..self.next(t1_ns) };
+        let request = AdvanceRequest { motions, loads, ..self.next_request(t1_ns) };
         self.send(WindowKind::Advance, request)
     }
 
-    /// Computes the last window again with other inputs; `ends` are those it was asked to have.
+    /// Computes the last window again with other inputs; `ends` are its requested start and end, ns.
     ///
     /// # Errors
-    /// As for [`Client::advance_to`].
+    /// Those of [`Client::advance_to`].
     pub fn redo(
         &mut self,
         ends: [u64; 2],
         motions: Vec<BodyMotion>,
         loads: Vec<BodyLoad>,
     ) -> Result<AdvanceReply, Error> {
-        let request = AdvanceRequest { motions, loads, ..self.again(ends) };
+        let request = AdvanceRequest { motions, loads, ..self.redo_request(ends) };
         self.send(WindowKind::Redo, request)
     }
 
-    /// Sends a window's request as it is; for those who number their windows themselves, or set deadlines.
+    /// Sends the request of a window unchanged, for example with a deadline.
     ///
     /// # Errors
-    /// As for [`Client::advance_to`].
+    /// Those of [`Client::advance_to`].
     pub fn send(
         &mut self,
         kind: WindowKind,
@@ -216,7 +216,7 @@ impl Client {
         Ok(reply)
     }
 
-    /// Whether a request may have had its effect although its answer is lost: the same one again is safe.
+    /// Returns true if a request without reply may have been executed; repeating it is safe.
     pub fn has_pending(&self) -> bool {
         self.pending.is_some()
     }

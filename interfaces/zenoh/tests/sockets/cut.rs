@@ -39,7 +39,7 @@ fn a_wire_that_is_cut_and_restored_changes_no_state() {
     while !done.load(Ordering::SeqCst) || windows == 0 {
         step(&mut client).unwrap();
         windows += 1;
-        // Enough windows to be hit in, not so many that it takes long.
+        // Enough windows to be hit in, few enough to be fast.
         std::thread::sleep(Duration::from_millis(10));
     }
     cutter.join().unwrap();
@@ -126,7 +126,7 @@ fn cuttable(timeouts: Timeouts) -> (Served, Proxy, Client) {
     (served, proxy, client)
 }
 
-/// What another client does while the wire of the first one is cut.
+/// Action of another client while the connection of the first one is cut.
 fn meanwhile(served: &Served, proxy: &Proxy, act: &mut dyn FnMut(&mut Client)) -> RunPosition {
     proxy.cut();
     let mut other = once_free(|| attach(&served.link()), Duration::from_secs(5));
@@ -152,7 +152,7 @@ fn iterations(most: u32) -> ParameterUpdate {
 #[test]
 fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only() {
     let (served, proxy, mut client) = cuttable(patient());
-    // SolverParameters that somebody else has set, and one window that somebody else has computed with other inputs.
+    // SolverParameters that another client has set, and one window that another client has computed with other inputs.
     for windows in [0, 1] {
         step(&mut client).unwrap();
         client.save("here").unwrap();
@@ -177,7 +177,7 @@ fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only(
     client.detach().unwrap();
 }
 
-/// Makes a call whose answer is lost: what it asks is done, then the wire is cut, and comes back when nobody drives any more.
+/// Makes a call whose answer is lost: what it asks is done, then the wire is cut, and is restored when there is no owner any more.
 /// The result of the call, and where the run was when the wire was cut.
 fn unheard<T>(served: &Served, proxy: &Proxy, call: impl FnOnce() -> T) -> (T, RunPosition) {
     let line = Connection::open(KEY, &served.link(), patient()).unwrap();
@@ -276,7 +276,7 @@ fn another_window_waits_for_the_answer_to_the_one_before() {
     assert!(matches!(error, Error::Disconnected { .. }), "{error}");
     proxy.cut();
     proxy.restore();
-    // The same time, other inputs: it has been computed with those of before, and that is told.
+    // The same time, other inputs: it was computed with the earlier ones, and the error says so.
     let begin = Instant::now();
     let error = loop {
         match client.advance_to(WINDOW, vec![], vec![]).unwrap_err() {

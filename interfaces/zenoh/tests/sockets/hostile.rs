@@ -55,14 +55,14 @@ impl Stranger {
         }
     }
 
-    /// The same with any bytes, and a ticket.
+    /// Sends any bytes with a ticket.
     pub fn put(&self, body: &str, bytes: Vec<u8>, ticket: &str) {
         let put = self.session.put(self.keys.input(body), bytes).attachment(ticket);
         put.encoding(Encoding::APPLICATION_JSON).wait().unwrap();
     }
 
-    /// The answer, the refusal, or a refusal of no code of ours where there is no answer.
-    /// Asks for window 1, of so many windows' length, and does not wait: `then` gets the refusal, if it is one.
+    /// Returns the reply, the error, or a generic error without a reply.
+    /// Asks for window 1, with the length of several windows, and does not wait: `then` gets the refusal, if it is one.
     pub fn ask_for_long(
         &self,
         windows: u64,
@@ -78,7 +78,7 @@ impl Stranger {
         self.ask_later("advance", text.into_bytes(), ticket, then);
     }
 
-    /// The same of any request.
+    /// Sends any request without waiting.
     pub fn ask_later(
         &self,
         verb: &str,

@@ -1,4 +1,4 @@
-//! The same states as in one process; every request does what it says.
+//! Equality with the states of one process, and the effect of every request.
 
 use crate::setup::{KEY, Served, WINDOW, lockstep, patient, shaking, step, undisturbed};
 use ballast_protocol::lockstep::{ComponentState, ErrorCode, WindowKind};
@@ -163,7 +163,7 @@ fn states_are_kept_and_taken_up_and_a_window_redone() {
 fn a_window_comes_with_its_steps_where_that_is_asked_for() {
     let served = Served::new();
     let mut client = served.client();
-    let next = client.next(WINDOW);
+    let next = client.next_request(WINDOW);
     let request = AdvanceRequest { motions: shaking(0, WINDOW), record_steps: true, ..next };
     let reply = client.send(WindowKind::Advance, request).unwrap();
     let floor = reply.step_series.bodies.iter().find(|b| b.body == "floor").unwrap();
@@ -182,7 +182,7 @@ fn what_is_refused_says_why_and_changes_nothing() {
     let mut unwritten = shaking(WINDOW, 2 * WINDOW);
     unwritten[0].body = "flo\0r".into();
     let good = shaking(WINDOW, 2 * WINDOW);
-    let next = client.next(2 * WINDOW);
+    let next = client.next_request(2 * WINDOW);
     for (request, code, word) in [
         (AdvanceRequest { motions: unknown, ..next.clone() }, ErrorCode::UnknownBody, "flor"),
         (AdvanceRequest { motions: unwritten, ..next.clone() }, ErrorCode::Malformed, "advance: "),
@@ -215,7 +215,7 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
         motions: motions.clone(),
         deadline_ms: 30,
         deadline_policy: DeadlinePolicy::Early,
-        ..client.next(long)
+        ..client.next_request(long)
     };
     let early = client.send(WindowKind::Advance, request).unwrap();
     assert!(
@@ -228,7 +228,8 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
     let run = client.position().run_id.clone();
     client.detach().unwrap();
     let mut client = Client::attach(KEY, &served.link(), "hasty", Some(&run), hasty).unwrap();
-    let request = Arc::new(AdvanceRequest { motions, deadline_ms: 30, ..client.next(long) });
+    let request =
+        Arc::new(AdvanceRequest { motions, deadline_ms: 30, ..client.next_request(long) });
     let begin = Instant::now();
     let mut late = 0;
     let whole = loop {
@@ -254,7 +255,7 @@ fn nobody_there_is_told_within_two_heartbeats_of_silence() {
     let link = SessionConfig::connect_to(free_endpoint().unwrap());
     let begin = Instant::now();
     let Err(error) = Client::attach(KEY, &link, "test", None, Timeouts::default()) else {
-        panic!("attached to nobody");
+        panic!("attached to no component");
     };
     assert!(matches!(error, Error::Disconnected { .. }), "{error}");
     assert!(begin.elapsed() < Duration::from_secs(5), "{:?}", begin.elapsed());

@@ -8,7 +8,7 @@ use ballast_zenoh::{Client, Error, HEARTBEAT_INTERVAL, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// So many windows through a relay; how long each took.
+/// Computes windows through a relay and returns the duration of each.
 fn run(seed: u64, windows: u64, faults: Faults) -> Vec<Duration> {
     let served = Served::new();
     let relay = Relay::before(&served.link(), seed, faults);
@@ -70,7 +70,7 @@ fn replies_delayed_past_the_deadline_are_told_as_slow_and_got_by_asking_again() 
         let t0 = client.position().now_ns;
         let t1 = t0 + WINDOW;
         let request =
-            AdvanceRequest { motions: shaking(t0, t1), deadline_ms: 10, ..client.next(t1) };
+            AdvanceRequest { motions: shaking(t0, t1), deadline_ms: 10, ..client.next_request(t1) };
         let begin = Instant::now();
         let request = Arc::new(request);
         while let Err(error) = client.send(WindowKind::Advance, Arc::clone(&request)) {

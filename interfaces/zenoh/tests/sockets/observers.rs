@@ -21,7 +21,7 @@ fn an_observer_sees_every_window_and_a_late_one_the_last() {
     observer.status().unwrap();
     let (sender, told) = channel();
     observer
-        .listen(move |key, encoding, bytes| {
+        .subscribe(move |key, encoding, bytes| {
             let _ = sender.send((key.to_string(), encoding.to_string(), bytes.to_vec()));
         })
         .unwrap();
@@ -72,7 +72,7 @@ fn an_observer_sees_every_window_and_a_late_one_the_last() {
     // And within two heartbeats it knows what the component does.
     std::thread::sleep(2 * HEARTBEAT_INTERVAL);
     assert_eq!(late.last_status().unwrap().position, *client.position());
-    // Of a run that has begun again, nothing of the one before is told.
+    // Of a run that has begun again, nothing of the previous one is published.
     let begin = client.reset().unwrap().clone();
     let last = late.last_messages().unwrap();
     let told = |what: String| last.iter().find(|(key, ..)| *key == what).map(|t| &t.2[..]);
@@ -107,10 +107,10 @@ fn of_a_window_that_was_taken_back_only_that_is_told() {
     assert_eq!((reply.status, &reply.code[..]), (ReplyStatus::Discard, "over_speed"));
     assert_eq!(find(impulse.clone()), Some(before));
     let log: Log = from_cdr(&find(late.keys().out("log")).unwrap()).unwrap();
-    assert!(log.msg.contains("taken back (discard)"), "{}", log.msg);
+    assert!(log.msg.contains("rolled back (discard)"), "{}", log.msg);
     let hash = || from_cdr::<StateHash>(&find(late.keys().out("hash")).unwrap()).unwrap();
     assert_eq!(hash().to_string(), client.position().hash);
-    // With a redo the window that stood is gone: of what bodies bore at its end nothing is told any more.
+    // With a redo the window that stood is gone: forces at its end are no longer published.
     let stood = client.advance_to(t0 + WINDOW, vec![], vec![]).unwrap();
     assert!(stood.status.is_kept() && find(impulse.clone()).is_some());
     let reply = client.redo([t0, t0 + WINDOW], away, vec![]).unwrap();
@@ -118,8 +118,8 @@ fn of_a_window_that_was_taken_back_only_that_is_told() {
     assert_eq!((find(impulse), hash().to_string()), (None, client.position().hash.clone()));
 }
 
-/// Not a check of its own: an observer whose callback never returns, so that what is sent to it fills every
-/// buffer on the way. In a process of its own, since sessions of one process share their threads.
+/// Not a separate check: an observer whose callback never returns, so that what is sent to it fills every
+/// buffer on the way. In a separate process, since sessions of one process share their threads.
 #[test]
 #[ignore = "the process that another test starts"]
 fn never_reads() {

@@ -35,11 +35,11 @@ fn a_second_owner_is_told_who_drives_also_while_a_window_is_computed() {
     let mut client = served.client();
     // More than a minute, unless it is let go.
     let t1 = 1500 * MS;
-    let long = AdvanceRequest { motions: shaking(0, t1), ..client.next(t1) };
+    let long = AdvanceRequest { motions: shaking(0, t1), ..client.next_request(t1) };
     let computing =
         std::thread::spawn(move || client.send(WindowKind::Advance, long).map(|_| client));
     let progress = wait_for(|| observer.status(), ComponentState::Running).progress.unwrap();
-    // What no step has told yet is not known.
+    // Unknown before the first step.
     assert_eq!(progress.remaining_ms.is_none(), progress.step == 0, "{progress:?}");
     let begin = Instant::now();
     let busy = attach(&served.link()).err().expect("someone drives");
@@ -81,8 +81,10 @@ fn a_window_without_end_does_not_outlive_its_owner_for_long() {
     let mut client = served.client();
     // 58 years of simulated time.
     let given_up = Arc::clone(&client.connection().cancelled);
-    let forever =
-        AdvanceRequest { motions: vec![], ..client.next(i64::MAX as u64 / 5 / WINDOW * WINDOW) };
+    let forever = AdvanceRequest {
+        motions: vec![],
+        ..client.next_request(i64::MAX as u64 / 5 / WINDOW * WINDOW)
+    };
     let computing =
         std::thread::spawn(move || client.send(WindowKind::Advance, forever).unwrap_err());
     wait_for(|| observer.status(), ComponentState::Running);
@@ -158,7 +160,8 @@ fn a_window_that_is_asked_for_without_the_ticket_is_refused_and_not_computed() {
     step(&mut client).unwrap();
     let stranger = crate::hostile::Stranger::at(&served.link());
     let t0 = client.position().now_ns;
-    let next = AdvanceRequest { motions: shaking(t0, t0 + WINDOW), ..client.next(t0 + WINDOW) };
+    let next =
+        AdvanceRequest { motions: shaking(t0, t0 + WINDOW), ..client.next_request(t0 + WINDOW) };
     let text = ballast_protocol::to_json(&next).unwrap();
     for ticket in ["", "0123456789abcdef0123456789abcdef", ";;;", &"x".repeat(1000)] {
         for verb in
@@ -193,7 +196,7 @@ fn an_owner_that_leaves_does_not_wait_for_the_end_of_its_window() {
     assert!(answer.recv_timeout(Duration::from_millis(300)).is_err(), "it is computed still");
     stranger.ask("detach", b"{}", Some(&ticket)).unwrap();
     let fault = answer.recv_timeout(Duration::from_secs(20)).expect("an answer");
-    let fault = fault.expect("taken back");
+    let fault = fault.expect("rolled back");
     assert!(fault.code == ErrorCode::NotOwner && fault.message.contains("leaves"), "{fault}");
     // As if it had never been asked for; and the next one has its windows to itself.
     let client = served.client();

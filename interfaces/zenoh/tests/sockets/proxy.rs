@@ -9,7 +9,7 @@ use std::time::Duration;
 const OPEN: u8 = 0;
 /// Connections end, new ones are refused.
 const CUT: u8 = 1;
-/// Nothing comes through, and nobody is told.
+/// Drops everything without an error.
 const SILENT: u8 = 2;
 /// Nothing comes back.
 const DEAF: u8 = 3;
@@ -62,7 +62,7 @@ impl Proxy {
         self.wire.pace_us.store(pace.as_micros() as u32, Ordering::SeqCst);
     }
 
-    /// How often somebody has connected.
+    /// Returns the number of connections.
     pub fn connections(&self) -> u32 {
         self.wire.connections.load(Ordering::SeqCst)
     }
@@ -78,7 +78,7 @@ impl Proxy {
         self.wire.state.store(SILENT, Ordering::SeqCst);
     }
 
-    /// What comes back is lost from now on.
+    /// Drops replies from now on.
     pub fn lose_answers(&self) {
         self.wire.state.store(DEAF, Ordering::SeqCst);
     }

@@ -14,10 +14,10 @@ use zenoh::query::Query;
 use zenoh::sample::{Sample, SampleKind};
 use zenoh::{Session, Wait};
 
-/// How likely what happens to a request.
+/// Probabilities of the events of a request.
 #[derive(Clone, Copy, Default)]
 pub struct Faults {
-    /// It does not arrive, and the client is told that nobody was there.
+    /// It does not arrive, and the client gets the error of a missing component.
     pub refuse: f64,
     /// It does not arrive, and the client hears nothing.
     pub swallow: f64,
@@ -25,7 +25,7 @@ pub struct Faults {
     pub repeat: f64,
     /// An older one arrives with it.
     pub echo: f64,
-    /// The reply does not arrive, and the client is told that there is none.
+    /// The reply does not arrive, and the client gets the error of a missing reply.
     pub lose_reply: f64,
     /// The reply comes late, by at most so much.
     pub delay: Duration,
@@ -37,7 +37,7 @@ pub struct Relay {
     _back: Session,
 }
 
-/// What was asked.
+/// Request.
 #[derive(Clone)]
 struct Request {
     key: KeyExpr<'static>,
@@ -155,7 +155,7 @@ impl Passing {
     }
 }
 
-/// Declares in one session who is alive in the other.
+/// Declares the tokens of one session in the other.
 fn mirror(from: &Session, to: &Session, key: String) {
     let (to, tokens) = (to.clone(), Mutex::new(BTreeMap::<String, LivelinessToken>::new()));
     let watch = move |sample: Sample| {

@@ -18,7 +18,7 @@ fn windows_that_ran_out_of_time_end_where_they_did_when_they_are_computed_again(
         (DeadlinePolicy::Discard, ReplyStatus::Discard),
     ] {
         // A step takes 10 ms and more; these are four hundred.
-        let next = client.next(client.position().now_ns + 80 * WINDOW);
+        let next = client.next_request(client.position().now_ns + 80 * WINDOW);
         let request = AdvanceRequest { deadline_ms: 60, deadline_policy: policy, ..next };
         let reply = client.send(WindowKind::Advance, request).unwrap();
         assert_eq!(reply.status, status, "{}", reply.message);

@@ -6,7 +6,7 @@ use ballast_zenoh::{Connection, Server, SessionConfig, Timeouts};
 use std::time::{Duration, Instant};
 use zenoh::Wait;
 
-/// A router as anyone may have it, but that it looks for nobody.
+/// Router with default settings except scouting.
 fn router(endpoint: &str) -> zenoh::Session {
     let mut config = zenoh::Config::default();
     for (key, value) in [
@@ -29,7 +29,7 @@ fn a_client_of_a_router_is_found_through_it_and_has_its_key_alone() {
     let second = Server::open(KEY, &SessionConfig::via_router(&endpoint)).unwrap();
     assert!(second.ensure_unique().is_err(), "two components have one key");
     drop(second);
-    // A router that is gone for a while: both sides find it again, and the run goes on.
+    // A router that is gone for a while: both sides find it again, and the run continues.
     between.close().wait().unwrap();
     drop(between);
     std::thread::sleep(Duration::from_secs(1));

@@ -1,4 +1,4 @@
-//! Time that runs by itself, over sockets.
+//! Real-time mode over sockets.
 
 use crate::hostile::Stranger;
 use crate::setup::{KEY, Served, WINDOW, attach, hash, knot, lockstep, once_free, step, wait_for};
@@ -22,7 +22,7 @@ pub fn slowly() -> RealTimeMode {
     }
 }
 
-/// Sends so many samples, one per window.
+/// Sends samples, one per window.
 fn shake(client: &Client, from: u64, samples: u64) {
     for k in from..from + samples {
         client.put_motion("floor", &knot(k * WINDOW)).unwrap();
@@ -137,14 +137,14 @@ fn when_the_owner_is_gone_time_stands() {
 
 #[test]
 fn who_sends_samples_is_told_when_nobody_heeds_them() {
-    let told = |client: &Client, code: &str| {
+    let seen = |client: &Client, code: &str| {
         let begin = Instant::now();
         loop {
-            let told = client.put_motion("floor", &knot(0));
-            if told.as_ref().is_err_and(|error| error.code() == code) {
+            let seen = client.put_motion("floor", &knot(0));
+            if seen.as_ref().is_err_and(|error| error.code() == code) {
                 break;
             }
-            assert!(begin.elapsed() < Duration::from_secs(60), "{told:?}");
+            assert!(begin.elapsed() < Duration::from_secs(60), "{seen:?}");
             std::thread::sleep(Duration::from_millis(10));
         }
     };
@@ -155,10 +155,10 @@ fn who_sends_samples_is_told_when_nobody_heeds_them() {
     client.start_real_time(&slowly()).unwrap();
     shake(&client, 0, 150);
     served.stop();
-    told(&client, "disconnected");
+    seen(&client, "disconnected");
     // Another one in its place does not know of this client.
     let _served = Served::at(&SessionConfig::listen_on(endpoint), lockstep());
-    told(&client, "not_owner");
+    seen(&client, "not_owner");
 }
 
 #[test]
@@ -174,7 +174,7 @@ fn samples_that_cannot_be_read_are_counted() {
         (b"{}".to_vec(), &ticket),
         (vec![b' '; 5000], &ticket),
         (b"\xff".to_vec(), &ticket),
-        // Not the owner's: nobody's business.
+        // Not the owner's: ignored.
         (b"{}".to_vec(), &"0123456789abcdef".to_string()),
     ] {
         stranger.put("floor", bytes, ticket);

@@ -1,4 +1,4 @@
-//! Who may connect is for Zenoh's own configuration to say: certificates on both sides, users with passwords.
+//! Access control by the configuration of Zenoh: certificates on both sides, users with passwords.
 
 use crate::setup::{KEY, Served, lockstep, patient, step, undisturbed};
 use ballast_zenoh::session::free_endpoint;

@@ -18,7 +18,7 @@ pub const MS: u64 = 1_000_000;
 /// Length of a window, ns: five steps.
 pub const WINDOW: u64 = MS;
 
-/// How often a fault is repeated: so often as it is normally, or as often as `BALLAST_FAULTS` says.
+/// Returns the number of repetitions of a fault: `normally`, or more by `BALLAST_FAULTS`.
 pub fn times(normally: u64) -> u64 {
     let asked = std::env::var("BALLAST_FAULTS").ok().and_then(|f| f.parse().ok());
     normally.max(asked.unwrap_or(0))
@@ -56,7 +56,7 @@ pub fn step(client: &mut Client) -> Result<(), ballast_zenoh::Error> {
     client.advance_to(t0 + WINDOW, shaking(t0, t0 + WINDOW), vec![]).map(drop)
 }
 
-/// The state hashes after each of so many windows, computed in this process without any transport.
+/// Returns the state hashes after each window, computed in this process without any transport.
 pub fn undisturbed(windows: u64) -> Vec<String> {
     use ballast_protocol::messages::AdvanceRequest;
     let mut component = component();
@@ -120,7 +120,7 @@ impl Served {
         (Self::hosted(host, stop), is_let_go)
     }
 
-    /// With a host that ends when it is told to `stop`.
+    /// Serves with hooks that end on `stop`.
     pub fn hosted(host: impl ServerHooks + 'static, stop: Arc<AtomicBool>) -> Self {
         Self::with(&SessionConfig::listen_on(free_endpoint().unwrap()), lockstep(), host, stop)
     }
@@ -157,7 +157,7 @@ impl Served {
     }
 
     pub fn client(&self) -> Client {
-        attach(&self.link()).expect("nobody drives")
+        attach(&self.link()).expect("there is no owner")
     }
 
     /// Ends the component and gives back its lockstep.
@@ -177,7 +177,7 @@ impl Drop for Served {
     }
 }
 
-/// The first status, asked for again and again, that tells of this activity.
+/// The first status, asked for again and again, with this state.
 pub fn wait_for(
     ask: impl Fn() -> Result<StatusReport, ballast_zenoh::Error>,
     state: ComponentState,

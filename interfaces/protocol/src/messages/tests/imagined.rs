@@ -3,7 +3,7 @@
 use crate::MessageError;
 use serde::de::{Deserialize, DeserializeOwned, DeserializeSeed, Deserializer, SeqAccess, Visitor};
 
-/// What a type asked for.
+/// Requested type of a value.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Shape {
     Plain(&'static str),
@@ -13,7 +13,7 @@ pub enum Shape {
 }
 
 impl Shape {
-    /// As the type of a field in a definition, without the package.
+    /// Returns the type of a field in a definition, without the package.
     pub fn text(&self) -> String {
         match self {
             Shape::Plain(name) => name.to_string(),
