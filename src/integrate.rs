@@ -1,5 +1,4 @@
-//! From velocities to the configuration at the end of the step (T-4), and what the step did:
-//! reactions of the driven bodies and the energy ledger (T-14).
+//! Integration of the velocities to the end-of-step configuration (T-4), reactions of the driven bodies, and energies (T-14).
 //!
 //! Reads: model, state, prediction, solved velocities, contact impulses. Writes: the next state,
 //! reactions.
@@ -12,20 +11,19 @@ use crate::motion::Motion;
 use crate::state::{EnergyLedger, State};
 use rayon::prelude::*;
 
-/// Contacts summed by one thread at a time: fixed, so that sums do not depend on the threads.
+/// Contacts summed by one thread at a time; fixed, so that sums do not depend on the number of threads.
 const CHUNK: usize = 4096;
 
-/// What the ballast did to one driven body during a step, about its reference point, world axes
-/// (T-27).
+/// Reaction of the ballast on one driven body during a step, about its reference point, world axes (T-27).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reaction {
-    /// N s.
+    /// Impulse, N s.
     pub impulse: Vec3,
-    /// N m s.
+    /// Angular impulse, N m s.
     pub angular_impulse: Vec3,
     /// Work of the body on the ballast, J.
     pub work: f64,
-    /// Contact points that carry an impulse.
+    /// Number of contact points with an impulse.
     pub contacts: u32,
 }
 
@@ -35,8 +33,8 @@ impl Default for Reaction {
     }
 }
 
-/// Puts all bodies where the step ends: every body of `next` is written.
-pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
+/// Writes the end-of-step configuration of every body to `next`.
+pub fn write_end_configuration(step: &StepMotion, targets: &[Pose], next: &mut State) {
     let StepMotion { model, state, motion, velocity, angular_velocity } = *step;
     let (ng, mobile, bodies) = (model.grains.len(), velocity.len(), motion.position.len());
     let after = model.stepping.h() * model.stepping.theta;
@@ -63,7 +61,7 @@ pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
                 let solved = [&velocity[b], &angular_velocity[b]];
                 motion.mounted_end_state(model, state, b - ng, mount, target, solved)
             }
-            // The target itself, not what the velocity leads to: rounding must not add up over steps.
+            // The target itself, not an integrated velocity: rounding must not add up over steps.
             None => (*target, [motion.velocity[b], motion.angular_velocity[b]]),
         };
         next.position[b] = pose.position;
@@ -73,14 +71,14 @@ pub fn configurations(step: &StepMotion, targets: &[Pose], next: &mut State) {
     }
 }
 
-/// Moves the grains of `next` by velocities that last for `h` seconds and leave no speed behind (T-34).
-pub fn shift(velocity: &[Vec3], angular_velocity: &[Vec3], h: f64, next: &mut State) {
+/// Moves the grains of `next` by velocities that last for `h` seconds, without changing their velocities (T-34).
+pub fn shift_grains(velocity: &[Vec3], angular_velocity: &[Vec3], h: f64, next: &mut State) {
     let ng = velocity.len();
     (&mut next.position[..ng], &mut next.orientation[..ng], velocity, angular_velocity)
         .into_par_iter()
         .with_min_len(1024)
         .for_each(|(x, q, v, w)| {
-            // Most grains stay where they are, to the bit.
+            // Most grains do not move, and keep their bits.
             if *v != Vec3::zeros() || *w != Vec3::zeros() {
                 *x += v * h;
                 *q = rotation::advance(q, &(w * h));
@@ -88,19 +86,24 @@ pub fn shift(velocity: &[Vec3], angular_velocity: &[Vec3], h: f64, next: &mut St
         });
 }
 
-/// How bodies move through a step: the state it starts from, its prediction, and the solved
-/// velocities of the mobile bodies at its end.
+/// Motion of all bodies through a step: initial state, prediction, and solved velocities of the mobile bodies.
 pub struct StepMotion<'a> {
+    /// Model of the step.
     pub model: &'a Model,
+    /// State at the beginning of the step.
     pub state: &'a State,
+    /// Configuration m and free velocities.
     pub motion: &'a Motion,
+    /// Velocities of the mobile bodies at the end of the step `[ng + nm]`, m/s.
     pub velocity: &'a [Vec3],
+    /// Angular velocities of the mobile bodies at the end of the step `[ng + nm]`, rad/s.
     pub angular_velocity: &'a [Vec3],
 }
 
 impl StepMotion<'_> {
-    /// Mean velocity over the step of the point of body `b` that is at `point`: the one that impulses do work on. What is
-    /// imposed has its velocity over the whole step.
+    /// Mean velocity over the step of the point of body `b` at `point`, with which impulses do work.
+    ///
+    /// Prescribed bodies have a constant velocity over the step.
     fn mean_velocity(&self, b: usize, point: &Vec3) -> Vec3 {
         let lever = point - self.motion.position[b];
         let (v, w) = self.motion.initial_twist(self.model, self.state, b);
@@ -112,24 +115,27 @@ impl StepMotion<'_> {
     }
 }
 
-/// What the contacts did in a step.
+/// Sums over the contacts of a step: dissipation and penetration.
 #[derive(Debug, Default)]
-pub struct Balance {
-    /// Contact points that carry an impulse; those of driven bodies one by one, ascending.
+pub struct ContactBalance {
+    /// Number of contact points with an impulse.
     pub active: usize,
+    /// Contacts of driven bodies with an impulse, ascending.
     driven: Vec<u32>,
-    /// Energy that the contacts took during the step, J: minus the impulses times the mean of the relative
+    /// Energy dissipated by the contacts during the step, J: minus the impulses times the mean of the relative
     /// velocities before and after.
     pub dissipated: f64,
-    /// Contact points that penetrate; sum and largest of their depths, m.
-    pub pressed: usize,
-    pub depth: f64,
-    pub deepest: f64,
+    /// Number of penetrating contact points.
+    pub penetrating: usize,
+    /// Sum of the penetration depths, m.
+    pub depth_sum: f64,
+    /// Largest penetration depth, m.
+    pub max_depth: f64,
 }
 
-impl Balance {
-    /// One pass over all contacts.
-    pub fn of(step: &StepMotion, contacts: &Contacts, impulse: &[Vec3]) -> Self {
+impl ContactBalance {
+    /// Sums over all contacts in one pass.
+    pub fn new(step: &StepMotion, contacts: &Contacts, impulse: &[Vec3]) -> Self {
         let ng = step.model.grains.len();
         let chunks: Vec<Self> = impulse
             .par_chunks(CHUNK)
@@ -138,11 +144,11 @@ impl Balance {
                 let mut part = Self::default();
                 let gaps = contacts.gap[k * CHUNK..].iter().zip(chunk).map(|(gap, _)| *gap);
                 for gap in gaps.filter(|gap| *gap < 0.0) {
-                    part.pressed += 1;
-                    part.depth -= gap;
-                    part.deepest = part.deepest.max(-gap);
+                    part.penetrating += 1;
+                    part.depth_sum -= gap;
+                    part.max_depth = part.max_depth.max(-gap);
                 }
-                // Most contacts are open, and do nothing.
+                // Most contacts are open and without effect.
                 let closed = (k * CHUNK..).zip(chunk).filter(|(_, f)| **f != Vec3::zeros());
                 for (c, f) in closed {
                     let [candidate, antagonist] = contacts.bodies[c];
@@ -160,15 +166,16 @@ impl Balance {
             sum.active += part.active;
             sum.driven.extend(part.driven);
             sum.dissipated += part.dissipated;
-            sum.pressed += part.pressed;
-            sum.depth += part.depth;
-            sum.deepest = sum.deepest.max(part.deepest);
+            sum.penetrating += part.penetrating;
+            sum.depth_sum += part.depth_sum;
+            sum.max_depth = sum.max_depth.max(part.max_depth);
             sum
         })
     }
 
-    /// What the ballast did to each driven body: impulses about its reference point as placed in
-    /// configuration m, where the contacts were found. One after another, as sums of floating point want.
+    /// Computes the reaction on each driven body, about its reference point in configuration m.
+    ///
+    /// Sums run in the order of the contacts, so that they have the same bits for any number of threads.
     pub fn reactions(
         &self,
         step: &StepMotion,
@@ -191,8 +198,8 @@ impl Balance {
     }
 }
 
-/// Kinetic and potential energy of the grains, J; potential energy is zero at the world's origin.
-pub fn energies(model: &Model, state: &State) -> (f64, f64) {
+/// Returns kinetic and potential energy of the grains, J; potential energy is zero at the world's origin.
+pub fn mechanical_energy(model: &Model, state: &State) -> (f64, f64) {
     let chunks: Vec<(f64, f64)> = model
         .grains
         .mass
@@ -213,9 +220,9 @@ pub fn energies(model: &Model, state: &State) -> (f64, f64) {
     chunks.iter().fold((0.0, 0.0), |sum, part| (sum.0 + part.0, sum.1 + part.1))
 }
 
-/// Opens the ledger of a run that starts at `state`.
+/// Creates the energy ledger of a run that starts at `state`.
 pub fn open_ledger(model: &Model, state: &State) -> EnergyLedger {
-    let (kinetic, potential) = energies(model, state);
+    let (kinetic, potential) = mechanical_energy(model, state);
     EnergyLedger {
         initial_kinetic: kinetic,
         initial_potential: potential,

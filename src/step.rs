@@ -1,4 +1,4 @@
-//! One time step, from state to state (T-1 to T-12).
+//! Time step from state to state (T-1 to T-12).
 //!
 //! Reads: model, state, inputs. Writes: another state, workspace. Contract: same inputs, same bytes,
 //! for any number of threads (sequential and synchronous schedules); a refused step leaves the state
@@ -11,8 +11,8 @@ use crate::detection::{store_contacts, warm_start};
 use crate::drive::StepInputs;
 use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
-use crate::integrate::{self, Balance, StepMotion};
-use crate::local_problem::Solved;
+use crate::integrate::{self, ContactBalance, StepMotion};
+use crate::local_problem::VelocitySolution;
 use crate::math::Vec3;
 use crate::model::{Model, PenetrationCorrection, Schedule, Solver};
 pub use crate::nlgs::Residuals;
@@ -50,9 +50,9 @@ pub fn step(
 /// state need not be copied.
 ///
 /// # Errors
-/// [`Error::Input`] for inputs that do not fit, [`Error::State`] for a state that is not finite, [`Error::Step`] when a
-/// velocity is not, or a driven body is led or moved beyond its limit, [`Error::Stopped`] when `observer` cancels it. What
-/// `next` holds is then of no use.
+/// [`Error::Input`] for inputs that do not fit, [`Error::State`] for a state that is not finite, [`Error::Step`] for a
+/// velocity that is not finite or a driven body beyond its limit, [`Error::Stopped`] when `observer` cancels the step.
+/// The content of `next` is then undefined.
 pub fn advance(
     model: &Model,
     state: &State,
@@ -61,7 +61,7 @@ pub fn advance(
     ws: &mut Workspace,
     observer: &mut impl StepObserver,
 ) -> Result<StepReport> {
-    // Once into the pool: a caller outside of it would hand over each parallel loop, and sleep until it is done.
+    // Enters the pool once: a caller outside would block on each parallel loop.
     rayon::scope(|_| {
         ws.motion.predict(model, state, inputs)?;
         if let Some(limit) = inputs.speed_limit {
@@ -71,10 +71,10 @@ pub fn advance(
         observer.phase_finished(Phase::Predict);
         detect(model, state, ws, observer);
         let mut report = solve(model, state, next, inputs, ws, model.solver, observer)?;
-        while let Some(look) = contact_recheck::recheck(model, ws, report.solve_passes) {
+        while let Some(reason) = contact_recheck::recheck(model, ws, report.solve_passes) {
             observer.phase_finished(Phase::NarrowPhase);
             let mut solver = model.solver;
-            match look {
+            match reason {
                 RecheckReason::RangeTooSmall => detect(model, state, ws, observer),
                 // Starts from the solved impulses, to which little is added.
                 RecheckReason::EndOfStepPenetration => {
@@ -82,7 +82,7 @@ pub fn advance(
                 }
             }
             let again = solve(model, state, next, inputs, ws, solver, observer)?;
-            report = again.after(report);
+            report = again.merged_with(report);
         }
         observer.phase_finished(Phase::NarrowPhase);
         if let Some(limit) = inputs.speed_limit {
@@ -117,7 +117,7 @@ fn solve(
     solver: Solver,
     observer: &mut impl StepObserver,
 ) -> Result<StepReport> {
-    divide(model, ws);
+    partition(model, ws);
     observer.phase_finished(Phase::Partition);
 
     ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
@@ -128,24 +128,24 @@ fn solve(
 
     let outcome =
         ddm::solve(&mut ws.decomposition, &ws.problem, &solver, &mut || observer.cancelled())?;
-    collect(model, state, ws)?;
+    unpack_solution(model, state, ws)?;
     observer.phase_finished(Phase::Solve);
 
     let report = integrate_and_report(model, state, next, inputs, ws, &outcome);
     observer.phase_finished(Phase::Integrate);
 
-    // Also those of another model, which this workspace has stepped before.
+    // A workspace may have stepped another model before.
     ws.correction.velocity.clear();
     ws.correction.angular_velocity.clear();
     if let Some(correction) = &model.solver.penetration_correction {
-        recover(model, state, next, ws, correction, observer)?;
+        correct_penetration(model, state, next, ws, correction, observer)?;
         observer.phase_finished(Phase::PenetrationCorrection);
     }
     Ok(report)
 }
 
 /// Distributes grains and contacts over subdomains according to the schedule.
-fn divide(model: &Model, ws: &mut Workspace) {
+fn partition(model: &Model, ws: &mut Workspace) {
     let mobile = model.mobile_count();
     let partition = ws.decomposition.partition_mut();
     match model.solver.schedule {
@@ -156,17 +156,17 @@ fn divide(model: &Model, ws: &mut Workspace) {
     }
 }
 
-/// Takes impulses and velocities out of the sets of contacts, and refuses what is not finite.
-fn collect(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
+/// Reads impulses and velocities from the contact sets, and refuses values that are not finite.
+fn unpack_solution(model: &Model, state: &State, ws: &mut Workspace) -> Result<()> {
     let Workspace { decomposition, problem, impulse, velocity, angular_velocity, .. } = ws;
     impulse.resize(problem.contacts.len(), Vec3::zeros());
     decomposition.unpack_impulses(problem, impulse);
     decomposition.unpack_velocities(problem, velocity, angular_velocity);
-    finite(model, state, velocity, angular_velocity)
+    check_finite(model, state, velocity, angular_velocity)
 }
 
-/// Refuses velocities that are not finite, and names the body.
-fn finite(
+/// Refuses velocities that are not finite, naming the body.
+fn check_finite(
     model: &Model,
     state: &State,
     velocity: &[Vec3],
@@ -194,8 +194,8 @@ fn finite(
     }
 }
 
-/// Moves grains apart that are pressed into each other (T-34); what it lifts, the contacts give back.
-fn recover(
+/// Corrects penetration on the position level (T-34); the energy of lifted grains counts as negative dissipation.
+fn correct_penetration(
     model: &Model,
     state: &State,
     next: &mut State,
@@ -214,7 +214,8 @@ fn recover(
         ..
     } = ws;
     let (positions, h) = (&mut ws.correction, model.stepping.h());
-    let solved = Solved { problem, motion, contacts, impulse, velocity, angular_velocity };
+    let solved =
+        VelocitySolution { problem, motion, contacts, impulse, velocity, angular_velocity };
     let ng = model.grains.len();
     if !positions.problem.build_positions(ng, &solved, correction, h) {
         return Ok(());
@@ -224,7 +225,7 @@ fn recover(
         max_iterations: correction.iterations,
         tolerance: None,
         relaxation: 1.0,
-        // Between tests only contacts that carry are visited: who tests seldom would not see what else is pushed.
+        // Between tests only active contacts are visited, so rare tests would miss contacts that the correction closes.
         convergence_check_interval: model
             .solver
             .convergence_check_interval
@@ -234,10 +235,10 @@ fn recover(
     ddm::solve(decomposition, &positions.problem, &solver, &mut || observer.cancelled())?;
     let CorrectionBuffers { problem, velocity, angular_velocity } = positions;
     decomposition.unpack_velocities(problem, velocity, angular_velocity);
-    finite(model, state, velocity, angular_velocity)?;
+    check_finite(model, state, velocity, angular_velocity)?;
 
-    integrate::shift(&velocity[..ng], &angular_velocity[..ng], h, next);
-    let (kinetic, potential) = integrate::energies(model, next);
+    integrate::shift_grains(&velocity[..ng], &angular_velocity[..ng], h, next);
+    let (kinetic, potential) = integrate::mechanical_energy(model, next);
     let energy = &mut next.energy;
     energy.dissipated -= kinetic + potential - energy.kinetic - energy.potential;
     (energy.kinetic, energy.potential) = (kinetic, potential);
@@ -261,11 +262,11 @@ fn integrate_and_report(
         velocity: &ws.velocity,
         angular_velocity: &ws.angular_velocity,
     };
-    let balance = Balance::of(&step_motion, contacts, impulse);
+    let balance = ContactBalance::new(&step_motion, contacts, impulse);
     let reactions = balance.reactions(&step_motion, contacts, impulse);
-    integrate::configurations(&step_motion, inputs.targets, next);
+    integrate::write_end_configuration(&step_motion, inputs.targets, next);
     let ledger = if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
-    let (kinetic, potential) = integrate::energies(model, next);
+    let (kinetic, potential) = integrate::mechanical_energy(model, next);
     next.energy = EnergyLedger {
         kinetic,
         potential,
@@ -290,25 +291,36 @@ fn integrate_and_report(
         converged: outcome.converged,
         sync_fallback: outcome.sync_fallback,
         solve_passes: 1,
-        mean_penetration: balance.depth / balance.pressed.max(1) as f64,
-        max_penetration: balance.deepest,
+        mean_penetration: balance.depth_sum / balance.penetrating.max(1) as f64,
+        max_penetration: balance.max_depth,
         reactions,
     }
 }
 
-/// The phases of a step, in order; the words of profiles, recordings and docs.
+/// Phase of a step, in order of execution; profiles, recordings and documents use these names.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Phase {
+    /// Free velocities and configuration m.
     Predict,
+    /// Candidate pairs.
     BroadPhase,
+    /// Contact points.
     NarrowPhase,
+    /// Initial impulses from the previous step.
     WarmStart,
+    /// Subdomains and interface.
     Partition,
+    /// Frames, arms and Delassus blocks.
     LocalProblem,
+    /// Packing into blocks of independent contacts.
     ContactGraph,
+    /// Iterations.
     Solve,
+    /// End-of-step configuration, reactions and energies.
     Integrate,
+    /// Position-level penetration correction.
     PenetrationCorrection,
+    /// Contact memory for the next step.
     Store,
 }
 
@@ -328,7 +340,7 @@ impl Phase {
         Phase::Store,
     ];
 
-    /// The phase's name in profiles and files.
+    /// Name of the phase in profiles and files.
     pub fn name(self) -> &'static str {
         match self {
             Phase::Predict => "predict",
@@ -394,16 +406,19 @@ where
 /// Report of a step. A step that did not converge is reported here, not as an error.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct StepReport {
-    /// Contact points, and how many of them carry an impulse.
+    /// Number of contact points.
     pub contacts: usize,
+    /// Number of contact points with an impulse.
     pub active_contacts: usize,
-    /// Contact points of the interface Γ.
+    /// Number of contact points of the interface Γ.
     pub interface_contacts: usize,
-    /// Subdomains, with contacts or without.
+    /// Number of subdomains, including those without contacts.
     pub subdomains: usize,
-    /// DDM iterations, and contact visits over all sweeps, of all solve_passes.
+    /// Number of DDM iterations of all solve passes.
     pub iterations: u32,
+    /// Number of contact visits over all sweeps of all solve passes.
     pub visits: u64,
+    /// Residuals of the last convergence test.
     pub residuals: Residuals,
     /// True if the tolerance was reached, or there is none.
     pub converged: bool,
@@ -411,8 +426,9 @@ pub struct StepReport {
     pub sync_fallback: bool,
     /// Number of solves: one, and one more for each recheck that found missed contacts (T-35, T-36).
     pub solve_passes: u32,
-    /// Mean (over penetrating points) and largest penetration, m.
+    /// Mean penetration over the penetrating points, m.
     pub mean_penetration: f64,
+    /// Largest penetration, m.
     pub max_penetration: f64,
     /// Reaction of the ballast on each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
@@ -420,7 +436,7 @@ pub struct StepReport {
 
 impl StepReport {
     /// Returns the report of the last solve, with the costs of the solves before it.
-    fn after(self, before: Self) -> Self {
+    fn merged_with(self, before: Self) -> Self {
         Self {
             solve_passes: self.solve_passes + before.solve_passes,
             iterations: self.iterations + before.iterations,

@@ -131,7 +131,7 @@ pub struct SqueezeRecord {
     /// Number of the squeeze among those of its pair, from 1.
     pub number: u32,
     /// Time at which the pair was widest, ns; closings are counted from there.
-    pub began_ns: u64,
+    pub start_ns: u64,
     /// End of the period since which the ballast resists by more than the touch threshold, or did so last, ns, and the closing
     /// then, m.
     pub onset_ns: Option<u64>,
@@ -227,7 +227,7 @@ macro_rules! persist {
 
 persist!(SqueezeTrack: period, is_squeezing, count, widest, farthest, last_force, per_point, waiting, waiting_sum, record);
 persist!(PeriodSums: steps, force, place, work, peak_step_force);
-persist!(SqueezeRecord: number, began_ns, onset_ns, onset_closing, peak_force, peak_closing, peak_step_force, closing, work,
+persist!(SqueezeRecord: number, start_ns, onset_ns, onset_closing, peak_force, peak_closing, peak_step_force, closing, work,
     compaction_energy, loop_points);
 
 /// Implements [`Persist`] for types that are one number.

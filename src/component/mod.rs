@@ -205,7 +205,7 @@ impl Component {
                     account.take(&report, &self.state, model.stepping.h());
                     let impulses = report.reactions.iter().map(|r| [r.impulse, r.angular_impulse]);
                     reactions.push(impulses, averaged_steps);
-                    squeezes.take(&model, &self.state, &report);
+                    squeezes.record(&model, &self.state, &report);
                     if let ControlFlow::Break(stop) = observer.step_finished(&self.state, &report) {
                         // What is complete is not early.
                         let is_over = self.now_ns() == t1_ns && stop == StopReason::Early;
@@ -244,7 +244,7 @@ impl Component {
             account = ResultAccumulator::new(&model, self.now_ns());
             squeezes = SqueezeMeter::resume(Arc::clone(&self.squeezes), &before.window.squeezes);
         }
-        let squeeze_results = squeezes.tell();
+        let squeeze_results = squeezes.take_outcomes();
         if status != WindowStatus::Discard {
             let twists = plan.twists(self.now_ns());
             let window = WindowMemory { twists, reactions, squeezes: squeezes.into_tracks() };

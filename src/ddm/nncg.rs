@@ -66,7 +66,7 @@ pub(super) enum NncgAction {
     Restart,
     /// Moves the impulses along the previous search direction by this factor β.
     ///
-    /// Needs a pass of its own, because it changes velocities that other sets share.
+    /// Needs a separate pass, because it changes velocities that other sets share.
     Extrapolate(f64),
 }
 

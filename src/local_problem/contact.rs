@@ -1,21 +1,21 @@
-//! One contact: rounded frame, arms and Delassus block.
+//! Contact of the local problem: rounded frame, arms and Delassus block.
 
 use crate::lanes::BodyVelocity;
 use crate::math::{Mat3, Vec3, widen};
 
-/// What a contact needs of one of its mobile bodies.
-pub struct Side {
-    /// Contact point minus centre of mass, or what takes its place in a mounted body, m.
+/// Data of one mobile body of a contact.
+pub struct ContactSide {
+    /// Contact point minus centre of mass, or minus the response centre of a mounted body, m.
     pub lever: Vec3,
-    /// 1/kg.
+    /// Inverse mass, 1/kg.
     pub inverse_mass: f64,
-    /// `B = R D^(-1/2)`.
+    /// Whitening matrix `B = R D^(-1/2)`.
     pub whitening: Mat3,
-    /// Velocity that the whitened coordinates stand for besides, in a mounted body.
+    /// Linear velocity per whitened coordinate of a mounted body.
     pub shift: Option<Mat3>,
 }
 
-/// A contact of the local problem (T-5 to T-9). Components are (n, t, s).
+/// Contact of the local problem (T-5 to T-9). Components are (n, t, s).
 ///
 /// The tangents are turned so that the tangential Schur complement of the Delassus block,
 /// `S = W_TT - W_Tn W_nT / W_nn`, is diagonal with its larger entry first: given that the contact
@@ -33,24 +33,24 @@ pub struct LocalContact {
     pub tangent: [f32; 3],
     /// Rows `(B_cᵀ (ℓ_c × axis))` for the axes n, t, s, kg^(-1/2).
     pub candidate_arms: [[f32; 3]; 3],
-    /// The same for the antagonist; zero for a driven body.
+    /// Rows `(B_aᵀ (ℓ_a × axis))` of the antagonist, kg^(-1/2); zero for a driven body.
     pub antagonist_arms: [[f32; 3]; 3],
-    /// `1/W_nn`, kg.
+    /// Normal mass `1/W_nn`, kg.
     pub normal_mass: f32,
-    /// `k = W_Tn / W_nn`.
+    /// Coupling `k = W_Tn / W_nn`.
     pub coupling: [f32; 2],
-    /// `1/S_ss`, kg: the larger of the two tangential masses.
+    /// Tangential mass `1/S_ss`, kg: the larger of the two tangential masses.
     pub tangent_mass: f32,
-    /// `S_ss / S_tt`, in (0, 1].
+    /// Ratio of the tangential masses `S_ss / S_tt`, in (0, 1].
     pub tangent_ratio: f32,
     /// Coulomb's coefficient μ.
     pub friction: f32,
-    /// What is added to `Hᵀ V` of the grains: gap or restitution, minus the driven body's velocity, m/s.
+    /// Offset added to `Hᵀ V`: gap or restitution, minus the velocity of a driven body, m/s.
     pub offset: Vec3,
     /// Impulse on the candidate, N s.
     pub impulse: Vec3,
-    /// Whether it starts with an impulse, or what moves the grains before the solve all but closes it.
-    pub likely: bool,
+    /// True if the contact starts with an impulse, or nearly closes at the free velocities.
+    pub is_likely_active: bool,
 }
 
 impl LocalContact {
@@ -93,6 +93,8 @@ impl LocalContact {
     }
 }
 
+/// Returns the axes n, t, s.
+///
 /// Products of two f32 are exact in f64, so each component is rounded once: the kernels' fused
 /// operations give the same bits.
 fn axes(normal: &[f32; 3], tangent: &[f32; 3]) -> [Vec3; 3] {
@@ -103,7 +105,7 @@ fn axes(normal: &[f32; 3], tangent: &[f32; 3]) -> [Vec3; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::local_problem::eight;
+    use crate::local_problem::lane_builder;
     use crate::math::Quat;
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
@@ -112,11 +114,11 @@ mod tests {
         Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0))
     }
 
-    /// A side, and what it is made of: inertia and orientation.
-    fn side(rng: &mut Pcg64) -> (Side, Vec3, Mat3) {
+    /// Returns a random side with its inertia and orientation.
+    fn side(rng: &mut Pcg64) -> (ContactSide, Vec3, Mat3) {
         let inertia = Vec3::from_fn(|_, _| 10_f64.powf(rng.random_range(-8.0..-5.0)));
         let rotation = *Quat::from_scaled_axis(vector(rng) * 3.0).to_rotation_matrix().matrix();
-        let side = Side {
+        let side = ContactSide {
             lever: vector(rng) * 0.03,
             inverse_mass: 10_f64.powf(rng.random_range(-1.0..3.0)),
             whitening: rotation * Mat3::from_diagonal(&inertia.map(|x| 1.0 / x.sqrt())),
@@ -142,7 +144,7 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(31);
         for _ in 0..100 {
             let (side, inertia, rotation) = side(&mut rng);
-            let contact = eight::one(&vector(&mut rng).normalize(), &side, None);
+            let contact = lane_builder::build_one(&vector(&mut rng).normalize(), &side, None);
             let angular_velocity = vector(&mut rng);
             let whitened =
                 (rotation.transpose() * angular_velocity).component_mul(&inertia.map(f64::sqrt));
@@ -165,12 +167,12 @@ mod tests {
             let (a, b) = (side(&mut rng).0, side(&mut rng).0);
             let normal = vector(&mut rng).normalize();
             let (contact, inverse_mass) = if i % 2 == 0 {
-                (eight::one(&normal, &a, Some(&b)), a.inverse_mass + b.inverse_mass)
+                (lane_builder::build_one(&normal, &a, Some(&b)), a.inverse_mass + b.inverse_mass)
             } else {
-                (eight::one(&normal, &a, None), a.inverse_mass)
+                (lane_builder::build_one(&normal, &a, None), a.inverse_mass)
             };
             let w = delassus(&contact, inverse_mass);
-            // Diagonal S: rebuilding W without its off-diagonal loses nothing but rounding.
+            // S is diagonal: rebuilding W without its off-diagonal loses only rounding.
             let apart = (contact.law_block() - w).amax() / w.amax();
             assert!(apart < 1e-6, "{apart:e}: {w}");
             assert!(contact.tangent_ratio > 0.0 && contact.tangent_ratio <= 1.0);

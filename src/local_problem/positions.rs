@@ -1,29 +1,34 @@
-//! The problem of positions (T-34): how grains that are pressed into each other come apart.
+//! Position-level problem of the penetration correction (T-34).
 //!
 //! Reads: the solved problem, contacts, velocities at the end of the step. Writes: [`LocalProblem`]. Cost: O(contacts +
-//! bodies), parallel. Contract: as for the problem of velocities; the same arms and normals, so it is
-//! divided and swept in the same way.
+//! bodies), parallel. Contract: as for the velocity-level problem; arms and normals are the same, so it is
+//! partitioned and swept in the same way.
 
-use super::{BodyVelocity, LocalProblem};
+use super::problem::LocalProblem;
 use crate::detection::Contacts;
+use crate::lanes::BodyVelocity;
 use crate::math::Vec3;
 use crate::model::PenetrationCorrection;
 use crate::motion::Motion;
 use rayon::prelude::*;
 
-/// A problem of velocities and its solution.
-pub struct Solved<'a> {
+/// Velocity-level problem with its solution.
+pub struct VelocitySolution<'a> {
+    /// Contact problem of the step.
     pub problem: &'a LocalProblem,
+    /// Configuration m and free velocities.
     pub motion: &'a Motion,
+    /// Contacts of the step `[nc]`.
     pub contacts: &'a Contacts,
-    /// World axes, N s `[nc]`.
+    /// Impulses on the candidates, world axes, N s `[nc]`.
     pub impulse: &'a [Vec3],
-    /// Of the mobile bodies `[ng + nm]`, m/s and rad/s.
+    /// Velocities of the mobile bodies at the end of the step `[ng + nm]`, m/s.
     pub velocity: &'a [Vec3],
+    /// Angular velocities of the mobile bodies at the end of the step `[ng + nm]`, rad/s.
     pub angular_velocity: &'a [Vec3],
 }
 
-impl Solved<'_> {
+impl VelocitySolution<'_> {
     /// Gap of contact `i` at configuration m of the next step, `h` seconds later, m.
     fn next_gap(&self, i: usize, h: f64) -> f64 {
         let twist = |b: usize| self.motion.twist(self.velocity, self.angular_velocity, b);
@@ -32,14 +37,14 @@ impl Solved<'_> {
 }
 
 impl LocalProblem {
-    /// Fills the problem of positions in a step of `h` seconds. Whether there is anything to take back.
+    /// Builds the position-level problem of a step of `h` seconds; returns true if there is penetration to correct.
     ///
-    /// Lines are velocities that last for one step and begin at zero; driven bodies stay, those on mounts too: where they
-    /// are is a matter of their machine.
+    /// Lines are velocities that last for one step and start at zero. Driven bodies do not move, mounted ones included:
+    /// their machine determines their positions.
     pub fn build_positions(
         &mut self,
         ng: usize,
-        solved: &Solved,
+        solved: &VelocitySolution,
         correction: &PenetrationCorrection,
         h: f64,
     ) -> bool {
@@ -57,21 +62,21 @@ impl LocalProblem {
             .map(|i| {
                 let mut contact = solved.problem.contacts[i];
                 let gap = solved.next_gap(i, h);
-                let way = gap.max(0.0) + correction.factor * (gap + correction.slop).min(0.0);
-                // Blocks of pairs keep it in f32.
-                contact.offset = Vec3::new((way / h) as f32 as f64, 0.0, 0.0);
+                let target = gap.max(0.0) + correction.factor * (gap + correction.slop).min(0.0);
+                // Pair blocks store it in f32.
+                contact.offset = Vec3::new((target / h) as f32 as f64, 0.0, 0.0);
                 contact.friction = 0.0;
                 contact.impulse = Vec3::zeros();
                 let [candidate, antagonist] = contact.bodies.map(|b| b as usize);
                 if antagonist >= ng {
-                    // `1/W_nn` of the grain alone.
+                    // Normal mass of the grain alone.
                     let arm = contact.candidate_arms[0].map(f64::from);
                     let turning: f64 = arm.iter().map(|x| x * x).sum();
                     contact.antagonist_arms = Default::default();
                     contact.normal_mass =
                         (1.0 / (self.lines[candidate].inverse_mass() + turning)) as f32;
                 }
-                contact.likely = way < 0.0 || solved.impulse[i] != Vec3::zeros();
+                contact.is_likely_active = target < 0.0 || solved.impulse[i] != Vec3::zeros();
                 contact
             })
             .collect_into_vec(&mut self.contacts);

@@ -1,8 +1,9 @@
-//! Problems given as `W`, `q` and `μ`, the Delassus operator in block rows: what [`super::solution`] solves, and what
-//! files hold of a step.
+//! Friction problem in the form `W`, `q` and `μ`, with the Delassus operator in block rows.
+//!
+//! [`super::solution`] solves it, and FCLIB files store it.
 //!
 //! Reads: entries of the operator, or a [`LocalProblem`]. Cost: a sweep and a natural map read every block once.
-//! Contract: entries that make no problem are refused, with their place.
+//! Contract: unusable entries are refused, with their place.
 
 use super::contact_law;
 use super::reference::MatrixFreeSolver;
@@ -11,48 +12,50 @@ use crate::local_problem::LocalProblem;
 use crate::math::{Mat3, Vec3, cone, widen};
 use std::ops::RangeInclusive;
 
-/// `u = W r + q` with Coulomb friction, `W` in rows of 3 x 3 blocks (FCLIB's local problem).
+/// Friction problem `u = W r + q`, with `W` in rows of 3 x 3 blocks (FCLIB's local problem).
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct AssembledProblem {
-    /// Where each block row starts `[nc + 1]`.
+    /// Start of each block row `[nc + 1]`.
     pub row_starts: Vec<usize>,
     /// Block columns, increasing in each row.
     pub columns: Vec<u32>,
-    /// Rows and columns (n, t, s), 1/kg.
+    /// Blocks with rows and columns (n, t, s), 1/kg.
     pub blocks: Vec<Mat3>,
-    /// Block that the law of a contact is solved with `[nc]`; its own one, up to rounding.
+    /// Diagonal block of each contact `[nc]`, with which its contact law is solved.
     pub diagonal: Vec<Mat3>,
-    /// Relative velocities without impulses `[nc]`, m/s.
+    /// Relative velocities at zero impulses `[nc]`, m/s.
     pub q: Vec<Vec3>,
     /// Coulomb's μ `[nc]`.
     pub friction: Vec<f64>,
 }
 
-/// Largest μ of a problem, as of a case: beyond, what the errors compare is lost in rounding.
+/// Maximum friction coefficient; above it, rounding dominates the errors.
 pub const MAX_FRICTION: f64 = 1000.0;
 
-/// Largest component of `q`, m/s, unless it is zero: beyond, squares of what the errors compare are none, or infinite.
-const SIZES: RangeInclusive<f64> = 1e-100..=1e100;
+/// Range of the largest component of `q`, m/s, unless it is zero; outside, squares in the errors underflow or overflow.
+const VELOCITY_RANGE: RangeInclusive<f64> = 1e-100..=1e100;
 
-/// How far impulses are from a solution, in the scalings in use.
+/// Errors of impulses in the scalings of the literature.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NaturalMapErrors {
-    /// Acary, Brémond, Huber: `‖F‖/‖q‖` with ρ = 1 in the problem's units.
+    /// Error of Acary, Brémond and Huber: `‖F‖/‖q‖` with ρ = 1 in the problem's units.
     pub abh: f64,
-    /// Siconos: `‖F‖/max(‖q‖, ‖r‖, ‖u‖)`, ρ = 1.
+    /// Error of Siconos: `‖F‖/max(‖q‖, ‖r‖, ‖u‖)`, ρ = 1.
     pub siconos: f64,
-    /// FCLIB: `‖F‖/(1 + sqrt ‖q‖)`, ρ = 1.
+    /// Error of FCLIB: `‖F‖/(1 + sqrt ‖q‖)`, ρ = 1.
     pub fclib: f64,
-    /// `‖F‖/‖r‖` with `ρ_c = 3/tr W_cc`: independent of units.
+    /// Unit-free error `‖F‖/‖r‖` with `ρ_c = 3/tr W_cc`.
     pub unit_free: f64,
 }
 
 impl AssembledProblem {
-    /// From scalar entries (row, column, value); components are `3 contact + (n, t, s)`.
+    /// Creates a problem from scalar entries (row, column, value); components are `3 contact + (n, t, s)`.
     ///
-    /// Entries of the same place are added up. Refuses indices out of range, values that are not
-    /// finite, friction that is negative or above [`MAX_FRICTION`], contacts whose own `W_nn` is not above zero, and
-    /// `q` whose squares are none or infinite.
+    /// Entries of the same place are added up.
+    ///
+    /// # Errors
+    /// [`Error::Model`] for indices out of range, values that are not finite, friction that is negative or above
+    /// [`MAX_FRICTION`], contacts with `W_nn` not above zero, and `q` whose squares underflow or overflow.
     pub fn from_entries(
         entries: impl IntoIterator<Item = (usize, usize, f64)>,
         q: Vec<Vec3>,
@@ -71,8 +74,10 @@ impl AssembledProblem {
             return Err(invalid("q and mu", expected, found));
         }
         let largest = (0..nc).max_by(|&a, &b| q[a].amax().total_cmp(&q[b].amax()));
-        if let Some(c) = largest.filter(|&c| q[c].amax() > 0.0 && !SIZES.contains(&q[c].amax())) {
-            let [least, most] = [SIZES.start(), SIZES.end()];
+        if let Some(c) =
+            largest.filter(|&c| q[c].amax() > 0.0 && !VELOCITY_RANGE.contains(&q[c].amax()))
+        {
+            let [least, most] = [VELOCITY_RANGE.start(), VELOCITY_RANGE.end()];
             let expected = format!("zero, or a largest component from {least:e} to {most:e} m/s");
             return Err(invalid("q", expected, format!("{:e} at contact {c}", q[c].amax())));
         }
@@ -168,7 +173,7 @@ impl AssembledProblem {
         self.q.len()
     }
 
-    /// `u = W r + q` at contact `i`.
+    /// Relative velocity `u = W r + q` at contact `i`, m/s.
     pub fn relative_velocity(&self, i: usize, impulse: &[Vec3]) -> Vec3 {
         let row = self.row_starts[i]..self.row_starts[i + 1];
         (self.columns[row.clone()].iter().zip(&self.blocks[row]))
@@ -187,11 +192,11 @@ impl AssembledProblem {
             let w = &self.diagonal[i];
             let b = self.relative_velocity(i, impulse) - w * impulse[i];
             let solved = contact_law::solve(w, &b, self.friction[i]);
-            impulse[i] += contact_law::relaxed(&impulse[i], &solved, relaxation);
+            impulse[i] += contact_law::relaxed_change(&impulse[i], &solved, relaxation);
         }
     }
 
-    /// Natural map `F_c = r_c - P_K(r_c - ρ (u_c + μ ‖u_T‖ n))` (T-10), in all scalings (T-31).
+    /// Computes the natural map `F_c = r_c - P_K(r_c - ρ (u_c + μ ‖u_T‖ n))` (T-10), in all scalings (T-31).
     pub fn natural_map(&self, impulse: &[Vec3]) -> NaturalMapErrors {
         let mut sums = [0.0_f64; 5];
         for i in 0..self.contact_count() {
@@ -210,18 +215,18 @@ impl AssembledProblem {
             }
         }
         let [f, f_unit_free, q, r, u] = sums.map(f64::sqrt);
-        // Nothing is nothing, whatever it is compared with.
-        let share = |f: f64, whole: f64| if f == 0.0 { 0.0 } else { f / whole };
+        // Zero also where the reference is zero.
+        let ratio = |f: f64, whole: f64| if f == 0.0 { 0.0 } else { f / whole };
         NaturalMapErrors {
-            abh: share(f, q),
-            siconos: share(f, q.max(r).max(u)),
+            abh: ratio(f, q),
+            siconos: ratio(f, q.max(r).max(u)),
             fclib: f / (1.0 + q.sqrt()),
-            unit_free: share(f_unit_free, r),
+            unit_free: ratio(f_unit_free, r),
         }
     }
 }
 
-/// What is wrong with a given problem.
+/// Error for an unusable entry of a problem.
 pub(super) fn invalid(place: &str, expected: impl Into<String>, found: String) -> Error {
     Error::Model { place: format!("friction problem, {place}"), expected: expected.into(), found }
 }
@@ -230,7 +235,7 @@ pub(super) fn invalid(place: &str, expected: impl Into<String>, found: String) -
 mod tests {
     use super::*;
 
-    /// Two contacts that slow each other down, in the order columns come in from triplets.
+    /// Entries of two coupled contacts, with columns in the order of triplets.
     fn entries() -> Vec<(usize, usize, f64)> {
         let mut entries: Vec<_> = (0..6).rev().map(|i| (i, i, 2.0 + i as f64)).collect();
         // Not symmetric, and one value in two parts.
@@ -274,16 +279,16 @@ mod tests {
     }
 
     #[test]
-    fn velocities_whose_squares_are_no_numbers_are_refused() {
+    fn velocities_whose_squares_underflow_or_overflow_are_refused() {
         let of = |size: f64| {
             let q = vec![Vec3::zeros(), Vec3::new(-size, 1e-3 * size, 0.0)];
             AssembledProblem::from_entries(entries(), q, vec![0.3; 2])
         };
         for size in [1e-200, 1e-101, 1e101, 1e200] {
-            let said = of(size).unwrap_err().to_string();
+            let message = of(size).unwrap_err().to_string();
             let expected = "q: expected zero, or a largest component from 1e-100 to 1e100 m/s";
-            assert!(said.contains(expected), "{said}");
-            assert!(said.ends_with(&format!("found {size:e} at contact 1")), "{said}");
+            assert!(message.contains(expected), "{message}");
+            assert!(message.ends_with(&format!("found {size:e} at contact 1")), "{message}");
         }
         for size in [0.0, 1e-100, 1.0, 1e100] {
             let errors = of(size).unwrap().natural_map(&[Vec3::zeros(); 2]);

@@ -1,79 +1,85 @@
-//! Eight contacts side by side, as the kernel reads them.
+//! Blocks of eight contacts in the layout of the kernel.
 //!
 //! 160 bytes per contact between two grains, 144 per contact with a driven body. Rows are of eight
-//! lanes. Lanes without a contact are all zero with a tangent ratio of one, and their grain is the
-//! set's spare line: every visit leaves them at zero impulse.
+//! lanes. Lanes without a contact are all zero with a tangent ratio of one, and their body is the
+//! set's spare line: every visit leaves their impulse at zero.
 
 use crate::lanes::LANES;
 use crate::local_problem::LocalContact;
 
-/// A row of f32.
-pub type Row32 = [f32; LANES];
-/// A row of f64.
-pub type Row64 = [f64; LANES];
+pub use crate::local_problem::rows::{Row32, Row64};
 
-/// What a visit needs to know of the Delassus blocks and of friction.
+/// Data of the contact laws of a block: Delassus blocks and friction.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub struct LawRows {
-    /// `1/W_nn`, kg.
+    /// Normal mass `1/W_nn`, kg.
     pub normal_mass: Row32,
-    /// `k = W_Tn / W_nn`.
+    /// Coupling `k = W_Tn / W_nn`.
     pub coupling: [Row32; 2],
-    /// `1/S_ss`, kg.
+    /// Tangential mass `1/S_ss`, kg.
     pub tangent_mass: Row32,
-    /// `S_ss / S_tt`.
+    /// Ratio of the tangential masses `S_ss / S_tt`.
     pub tangent_ratio: Row32,
-    /// μ.
+    /// Friction coefficient μ.
     pub friction: Row32,
-    /// Where the next slip solve starts: the last one's result.
+    /// Initial guess of the next slip solve: the result of the last one.
     pub slip: Row32,
 }
 
-/// Eight contacts between grains; no grain occurs twice.
+/// Block of eight contacts between mobile bodies, none of which occurs twice.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct PairBlock {
+    /// Contact normals.
     pub normal: [Row32; 3],
+    /// First tangents.
     pub tangent: [Row32; 3],
-    /// Row `3 k + j`: component `j` of the arm of axis `k`.
+    /// Arms of the candidates; row `3 k + j` is component `j` of the arm of axis `k`.
     pub candidate_arms: [Row32; 9],
+    /// Arms of the antagonists.
     pub antagonist_arms: [Row32; 9],
+    /// Contact laws.
     pub law: LawRows,
-    /// Gap or restitution, m/s.
+    /// Offset from gap or restitution, m/s.
     pub offset: Row32,
     /// Impulses (n, t, s), N s.
     pub impulse: [Row64; 3],
-    /// Lines of the grains.
+    /// Lines of the candidates.
     pub candidate: [u32; LANES],
+    /// Lines of the antagonists.
     pub antagonist: [u32; LANES],
 }
 
-/// Eight contacts of one grain each with a driven body; no grain occurs twice.
+/// Block of eight contacts of mobile bodies, none of which occurs twice, with driven bodies.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct SingleBlock {
+    /// Contact normals.
     pub normal: [Row32; 3],
+    /// First tangents.
     pub tangent: [Row32; 3],
+    /// Arms of the mobile bodies; row `3 k + j` is component `j` of the arm of axis `k`.
     pub arms: [Row32; 9],
+    /// Contact laws.
     pub law: LawRows,
-    /// Gap or restitution minus the driven body's velocity (n, t, s), m/s.
+    /// Offset from gap or restitution minus the driven body's velocity (n, t, s), m/s.
     pub offset: [Row64; 3],
     /// Impulses (n, t, s), N s.
     pub impulse: [Row64; 3],
-    /// Lines of the grains.
+    /// Lines of the mobile bodies.
     pub grain: [u32; LANES],
 }
 
-/// What iterations with momentum remember of a block (T-37).
+/// NNCG data of a block (T-37).
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(64))]
 pub struct NncgBlock {
-    /// Impulses when the iterations under way began, N s.
+    /// Impulses after the last extrapolation, N s.
     pub before: [Row64; 3],
-    /// Sum of the last changes, the older the less, N s.
+    /// Search direction: decaying sum of the last changes, N s.
     pub direction: [Row64; 3],
-    /// The root of a third of `tr W_αα`, kg^(-1/2).
+    /// Weight of each lane: square root of a third of `tr W_αα`, kg^(-1/2).
     pub weight: Row64,
 }
 
@@ -81,7 +87,7 @@ const ZERO32: Row32 = [0.0; LANES];
 const ZERO64: Row64 = [0.0; LANES];
 
 impl LawRows {
-    /// Eight lanes without contact.
+    /// Rows of eight lanes without contact.
     pub const EMPTY: Self = Self {
         normal_mass: ZERO32,
         coupling: [ZERO32; 2],
@@ -91,7 +97,7 @@ impl LawRows {
         slip: ZERO32,
     };
 
-    /// `tr W_αα` of a lane, 1/kg; zero without a contact.
+    /// Trace `tr W_αα` of a lane, 1/kg; zero without a contact.
     pub fn trace(&self, lane: usize) -> f64 {
         if self.normal_mass[lane] == 0.0 {
             return 0.0;
@@ -102,7 +108,7 @@ impl LawRows {
         normal * (1.0 + k1 * k1 + k2 * k2) + across * (1.0 + 1.0 / self.tangent_ratio[lane] as f64)
     }
 
-    /// The root of a third of `tr W_αα` of each lane, kg^(-1/2).
+    /// Weight of each lane: square root of a third of `tr W_αα`, kg^(-1/2).
     pub fn weight(&self) -> Row64 {
         std::array::from_fn(|lane| (self.trace(lane) / 3.0).sqrt())
     }
@@ -119,7 +125,7 @@ impl LawRows {
 }
 
 impl PairBlock {
-    /// A block of padding; `spare` is the line that padding refers to.
+    /// Returns a block of padding; `spare` is the line that padding refers to.
     pub fn empty(spare: u32) -> Self {
         Self {
             normal: [ZERO32; 3],
@@ -134,7 +140,7 @@ impl PairBlock {
         }
     }
 
-    /// Puts a contact between the lines `grains` in a lane.
+    /// Sets a lane to a contact between the lines `grains`.
     pub fn set(&mut self, lane: usize, contact: &LocalContact, grains: [u32; 2]) {
         for j in 0..3 {
             self.normal[j][lane] = contact.normal[j];
@@ -146,7 +152,7 @@ impl PairBlock {
             }
         }
         self.law.set(lane, contact);
-        // Rounded to f32 already; between grains there is nothing tangential.
+        // Already rounded to f32; without a tangential part between mobile bodies.
         self.offset[lane] = contact.offset.x as f32;
         self.candidate[lane] = grains[0];
         self.antagonist[lane] = grains[1];
@@ -154,7 +160,7 @@ impl PairBlock {
 }
 
 impl SingleBlock {
-    /// A block of padding; `spare` is the line that padding refers to.
+    /// Returns a block of padding; `spare` is the line that padding refers to.
     pub fn empty(spare: u32) -> Self {
         Self {
             normal: [ZERO32; 3],
@@ -167,7 +173,7 @@ impl SingleBlock {
         }
     }
 
-    /// Puts a contact of the line `grain` with a driven body in a lane.
+    /// Sets a lane to a contact of the line `grain` with a driven body.
     pub fn set(&mut self, lane: usize, contact: &LocalContact, grain: u32) {
         for j in 0..3 {
             self.normal[j][lane] = contact.normal[j];

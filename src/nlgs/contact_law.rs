@@ -1,15 +1,15 @@
-//! Signorini-Coulomb at one contact, for any Delassus block: plain, scalar, the oracle of
-//! the kernel's visit.
+//! Signorini-Coulomb law of one contact for any Delassus block: the scalar reference of the kernel's visit.
 
 use crate::math::{Mat3, Vec3};
 
-/// Newton steps relatively below this change nothing any more.
+/// Relative Newton step at which the iteration ends.
 const SMALL_STEP: f64 = 1e-15;
+/// Maximum number of Newton steps.
 const MAX_STEPS: usize = 100;
-/// Share of a block's trace below which its reduced trace is rounding.
+/// Fraction of a block's trace below which its reduced trace is rounding.
 const ROUNDING: f64 = 1e-14;
 
-/// Impulse `r` (n, t, s) with `0 <= u_n ⊥ r_n >= 0` and Coulomb's law of slope `mu` for
+/// Returns the impulse `r` (n, t, s) with `0 <= u_n ⊥ r_n >= 0` and Coulomb's law of slope `mu` for
 /// `u = W r + b` (T-8).
 ///
 /// `w` need not be symmetric (published problems are not always), but needs `w.m11 > 0`. A contact
@@ -21,33 +21,33 @@ pub fn solve(w: &Mat3, b: &Vec3, mu: f64) -> Vec3 {
         return Vec3::zeros();
     }
     let reduced = ReducedLaw::new(w, b, mu);
-    let stick = reduced.at(1.0);
+    let stick = reduced.evaluate(1.0);
     if stick.excess >= 0.0 {
         return stick.impulse;
     }
     reduced.slip(stick)
 }
 
-/// What a relaxed visit changes of an impulse whose law is solved by `solved`: what opens loses all of it (T-17).
-pub fn relaxed(impulse: &Vec3, solved: &Vec3, relaxation: f64) -> Vec3 {
+/// Change of an impulse by a relaxed visit with the solution `solved`; an opening contact loses all of it (T-17).
+pub fn relaxed_change(impulse: &Vec3, solved: &Vec3, relaxation: f64) -> Vec3 {
     let opens = *solved == Vec3::zeros();
     (solved - impulse) * if opens { 1.0 } else { relaxation }
 }
 
-/// The problem with `u_n = 0` eliminated.
+/// Contact law with `u_n = 0` eliminated.
 struct ReducedLaw {
-    /// `r_n` for `r_T = 0`.
+    /// Normal impulse for `r_T = 0`.
     normal: f64,
-    /// `W_nT / W_nn`.
+    /// Coupling `W_nT / W_nn`.
     coupling: [f64; 2],
     schur: [[f64; 2]; 2],
     sigma: f64,
-    /// `b_T - W_Tn b_n / W_nn`.
+    /// Tangential velocity `b_T - W_Tn b_n / W_nn`.
     slide: [f64; 2],
     mu: f64,
 }
 
-/// One value of y: impulse, `h(y)` and its derivative.
+/// Impulse, `h(y)` and its derivative at one y.
 struct SlipTrial {
     impulse: Vec3,
     excess: f64,
@@ -63,7 +63,7 @@ impl ReducedLaw {
         ];
         let normal = -b.x / w.m11;
         let mut sigma = 0.5 * (schur[0][0] + schur[1][1]);
-        // What can move in one way only does not slide once `u_n` is 0: any small block that is no rounding says so.
+        // A body with one degree of freedom does not slide at `u_n = 0`: any small block above rounding expresses that.
         let least = ROUNDING * (w.m11 + w.m22.abs() + w.m33.abs());
         if sigma.abs() < least {
             (schur, sigma) = ([[least, 0.0], [0.0, least]], least);
@@ -78,7 +78,7 @@ impl ReducedLaw {
         }
     }
 
-    fn at(&self, y: f64) -> SlipTrial {
+    fn evaluate(&self, y: f64) -> SlipTrial {
         let rest = (1.0 - y) * self.sigma;
         let [[s11, s12], [s21, s22]] = self.schur;
         let (a, b, c, d) = (y * s11 + rest, y * s12, y * s21, y * s22 + rest);
@@ -100,7 +100,7 @@ impl ReducedLaw {
         }
     }
 
-    /// Newton's method, kept between a value that holds (`h >= 0`) and one that does not.
+    /// Solves the slip by Newton's method, bracketed between a value that holds (`h >= 0`) and one that does not.
     fn slip(&self, stick: SlipTrial) -> Vec3 {
         let (mut low, mut high) = (0.0, 1.0);
         let mut trial = stick;
@@ -110,7 +110,7 @@ impl ReducedLaw {
             let next = if newton >= low && newton <= high { newton } else { 0.5 * (low + high) };
             let step = (next - y).abs();
             y = next;
-            trial = self.at(y);
+            trial = self.evaluate(y);
             if step <= SMALL_STEP * y || trial.excess == 0.0 {
                 break;
             }
@@ -126,9 +126,9 @@ mod tests {
     use rand::RngExt;
 
     #[test]
-    fn what_can_move_in_one_way_only_is_stopped() {
-        // A body of mass 1/s that moves along `way` alone: once its normal velocity is 0 it stands, and needs no friction
-        // for that where it comes straight on, or as much as holds it otherwise.
+    fn a_body_with_one_degree_of_freedom_is_stopped() {
+        // Mass 1/s, free along `way` alone: at zero normal velocity it stands, with no friction in a central impact and
+        // with as much as holds it otherwise.
         let mut rng = rand_pcg::Pcg64::new(7, 0);
         for _ in 0..2000 {
             let mut number = || rng.random_range(-1.0..1.0);

@@ -1,4 +1,4 @@
-//! A set of contacts swept as one: a subdomain, or a group of the interface.
+//! Set of contacts swept as one: a subdomain, or a group of the interface.
 //!
 //! Reads: a [`LocalProblem`]. Writes: its own lines and impulses. Cost: 160 bytes of memory traffic per visit.
 //! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
@@ -13,15 +13,14 @@ use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use std::ops::AddAssign;
 
-/// Bytes of a sweep over a set, padding included.
+/// Memory traffic of a sweep over a set in bytes, padding included.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct MemoryTraffic {
-    /// Blocks and lines: what the set takes in a cache.
+    /// Size of blocks and lines, which the set occupies in a cache.
     pub footprint: usize,
-    /// Loads and stores of the visits: between the processor and its first cache.
+    /// Loads and stores of the visits, between the processor and its first cache.
     pub core: usize,
-    /// The least that is moved where nothing is left in a cache from the sweep before: every block and line once in,
-    /// every cache line that was written once out.
+    /// Minimum traffic with cold caches: every block and line once in, every written cache line once out.
     pub streamed: usize,
 }
 
@@ -33,26 +32,28 @@ impl AddAssign for MemoryTraffic {
     }
 }
 
-/// Contacts and the lines of their grains.
+/// Contacts in blocks, with the velocities of their bodies.
 #[derive(Debug, Clone)]
 pub struct ContactSet {
-    /// Velocities of the grains, then a spare line that padding refers to. The caller fills all but
-    /// the spare one after [`ContactSet::pack`].
+    /// Velocities of the bodies, one line each, then a spare line for padding.
+    ///
+    /// The caller fills all but the spare one after [`ContactSet::pack`].
     pub lines: Vec<BodyVelocity>,
-    /// How many of the lines are grains'; mounted bodies' come after them.
+    /// Number of lines of grains; those of mounted bodies follow.
     pub grains: usize,
     blocks: Blocks,
     /// Contacts of the problem lane by lane, in the order of the sweep; padding between.
     order: Vec<u32>,
     contact_count: usize,
-    /// Contacts in blocks that are active; all while nobody has looked.
+    /// Number of contacts in active blocks; `None` before the first [`ContactSet::update_active`].
     active_count: Option<usize>,
-    /// Visits since the contacts were packed.
+    /// Number of visits since the contacts were packed.
     visits: u64,
     singles: Packing,
     pairs: Packing,
-    /// The caller's contacts split in two kinds.
+    /// Contacts with driven bodies.
     single_contacts: Vec<u32>,
+    /// Contacts between mobile bodies.
     pair_contacts: Vec<u32>,
     arithmetic: InstructionSet,
 }
@@ -77,8 +78,9 @@ impl Default for ContactSet {
 }
 
 impl ContactSet {
-    /// Packs `contacts` of the problem with their initial impulses; `line(g)` is the line of grain g,
-    /// below `line_count`. Resizes `lines`, which the caller fills then.
+    /// Packs `contacts` of the problem with their initial impulses, and resizes `lines`, which the caller fills then.
+    ///
+    /// `line(g)` is the line of body g, below `line_count`.
     pub fn pack(
         &mut self,
         problem: &LocalProblem,
@@ -94,9 +96,12 @@ impl ContactSet {
         self.blocks.reset(line_count);
         self.single_contacts.clear();
         self.pair_contacts.clear();
-        // Those that are likely to carry first: blocks in which nothing does need no visit.
+        // Likely active contacts first: inactive blocks need no visit.
         for likely in [true, false] {
-            for &i in contacts.iter().filter(|&&i| problem.contacts[i as usize].likely == likely) {
+            for &i in contacts
+                .iter()
+                .filter(|&&i| problem.contacts[i as usize].is_likely_active == likely)
+            {
                 let kind = if problem.is_single(i as usize) {
                     &mut self.single_contacts
                 } else {
@@ -106,8 +111,8 @@ impl ContactSet {
             }
         }
         let contact = |list: &[u32], i: u32| &problem.contacts[list[i as usize] as usize];
-        // They lie scattered: the next block's are fetched while one is filled.
-        let expect = |list: &[u32], block: Option<&[u32; LANES]>| {
+        // The contacts are scattered in memory: those of the next block are prefetched while one is filled.
+        let prefetch = |list: &[u32], block: Option<&[u32; LANES]>| {
             for &i in block.into_iter().flatten().filter(|&&i| i != PADDING) {
                 lanes::prefetch(contact(list, i));
             }
@@ -116,7 +121,7 @@ impl ContactSet {
         self.singles
             .build(list.len(), line_count, |i| [line(contact(list, i as u32).bodies[0]); 2]);
         for (k, block) in self.singles.blocks.iter().enumerate() {
-            expect(list, self.singles.blocks.get(k + 1));
+            prefetch(list, self.singles.blocks.get(k + 1));
             self.blocks.push_single(|lane| {
                 (block[lane] != PADDING).then(|| {
                     let contact = contact(list, block[lane]);
@@ -127,7 +132,7 @@ impl ContactSet {
         let list = &self.pair_contacts;
         self.pairs.build(list.len(), line_count, |i| contact(list, i as u32).bodies.map(&line));
         for (k, block) in self.pairs.blocks.iter().enumerate() {
-            expect(list, self.pairs.blocks.get(k + 1));
+            prefetch(list, self.pairs.blocks.get(k + 1));
             self.blocks.push_pair(|lane| {
                 (block[lane] != PADDING).then(|| {
                     let contact = contact(list, block[lane]);
@@ -149,13 +154,13 @@ impl ContactSet {
         }
     }
 
-    /// The packed contacts.
+    /// Packed contacts.
     #[cfg(test)]
     pub fn blocks(&self) -> &Blocks {
         &self.blocks
     }
 
-    /// Chooses the instructions; results do not depend on them.
+    /// Sets the instruction set, on which results do not depend.
     pub fn set_arithmetic(&mut self, arithmetic: InstructionSet) {
         self.arithmetic = arithmetic;
     }
@@ -165,22 +170,22 @@ impl ContactSet {
         self.contact_count
     }
 
-    /// The contacts in the order in which a sweep visits them.
+    /// Returns the contacts in the order of a sweep.
     pub fn order(&self) -> impl Iterator<Item = u32> + '_ {
         self.order.iter().copied().filter(|&i| i != PADDING)
     }
 
-    /// Share of the blocks' lanes that hold a contact.
-    pub fn fill(&self) -> f64 {
+    /// Fraction of the blocks' lanes that hold a contact.
+    pub fn fill_ratio(&self) -> f64 {
         self.contact_count as f64 / self.order.len().max(1) as f64
     }
 
-    /// OperationCounts on lanes that the next sweep would do; nothing is changed.
+    /// Counts the lane operations of the next sweep, which is made on copies.
     pub fn operations(&self, relaxation: f64) -> OperationCounts {
         self.blocks.count(&self.lines, relaxation)
     }
 
-    /// Bytes that a sweep moves, counted from the layout.
+    /// Computes the memory traffic of a sweep from the layout.
     pub fn traffic(&self) -> MemoryTraffic {
         let (singles, pairs) = (self.blocks.singles().len(), self.blocks.pairs().len());
         let blocks = singles * size_of::<SingleBlock>() + pairs * size_of::<PairBlock>();
@@ -196,13 +201,13 @@ impl ContactSet {
         }
     }
 
-    /// Adds to the lines what the present impulses cause, `V += M⁻¹ H r`: once, after lines were
-    /// filled with free velocities.
+    /// Adds the effect of the current impulses to the velocities, `V += M⁻¹ H r`: once, after the lines were filled with
+    /// free velocities.
     pub fn apply_impulses(&mut self) {
         self.blocks.apply_impulses(self.arithmetic, &mut self.lines);
     }
 
-    /// Visits since the contacts were packed.
+    /// Number of visits since the contacts were packed.
     pub fn visits(&self) -> u64 {
         self.visits
     }
@@ -213,11 +218,10 @@ impl ContactSet {
         self.blocks.sweep(self.arithmetic, &mut self.lines, relaxation);
     }
 
-    /// Visits the contacts that carried an impulse when [`ContactSet::update_active`] looked, and those that share
-    /// their blocks.
+    /// Visits the contacts of blocks that were active at the last [`ContactSet::update_active`].
     ///
-    /// A visit does not change an open contact that stays open: leaving it out is exact. One that would close
-    /// waits for the next sweep over all.
+    /// A visit does not change an open contact that stays open: skipping it is exact. One that would close
+    /// waits for the next sweep over all contacts.
     pub fn sweep_active(&mut self, relaxation: f64) {
         let Some(count) = self.active_count else {
             self.sweep(relaxation);
@@ -227,7 +231,7 @@ impl ContactSet {
         self.blocks.sweep_active(self.arithmetic, &mut self.lines, relaxation);
     }
 
-    /// Looks which contacts carry an impulse.
+    /// Updates the active blocks: those in which a contact has an impulse.
     pub fn update_active(&mut self) {
         self.blocks.update_active();
         self.count_active();
@@ -241,11 +245,11 @@ impl ContactSet {
         self.active_count = Some(self.blocks.active().map(contacts).sum());
     }
 
-    /// [`ContactSet::sweep`] with the same bits, and the norms of its visits.
+    /// Makes a [`ContactSet::sweep`] with the same bits, and returns the norms of its visits.
     pub fn measured_sweep(&mut self, relaxation: f64) -> VisitNorms {
         self.visits += self.contact_count as u64;
         let norms = self.blocks.measured_sweep(self.arithmetic, &mut self.lines, relaxation);
-        // What is footprint of a mounted body is as heavy as a mountain, and its spin no measure.
+        // Prescribed freedoms of a mounted body have huge effective masses, so its angular velocity is no scale.
         let (grains, mounted) = self.lines.split_at(self.grains);
         let mounted = mounted.iter().map(|line| line.velocity().norm_squared());
         let speed_squared =
@@ -253,50 +257,47 @@ impl ContactSet {
         VisitNorms { speed_squared, ..norms }
     }
 
-    /// The blocks that are active, to be kept in `chosen`.
-    pub fn copy_active_blocks(&self, chosen: &mut BlockSubset) {
-        self.blocks.copy_active_blocks(chosen);
+    /// Copies the active blocks to `subset`.
+    pub fn copy_active_blocks(&self, subset: &mut BlockSubset) {
+        self.blocks.copy_active_blocks(subset);
     }
 
-    /// Impulses of the chosen blocks, N s, padding included: the numbers that [`ContactSet::replace_impulses`]
-    /// takes.
-    pub fn subset_impulses<'a>(&'a self, chosen: &'a BlockSubset) -> impl Iterator<Item = f64> {
-        self.blocks.chosen(chosen).flat_map(|(_, r)| r.as_flattened()).copied()
+    /// Returns the impulses of a subset, N s, padding included, in the order of [`ContactSet::replace_impulses`].
+    pub fn subset_impulses<'a>(&'a self, subset: &'a BlockSubset) -> impl Iterator<Item = f64> {
+        self.blocks.subset(subset).flat_map(|(_, r)| r.as_flattened()).copied()
     }
 
-    /// The root of a third of `tr W_αα` for each of these numbers, kg^(-1/2).
-    pub fn subset_weights<'a>(&'a self, chosen: &'a BlockSubset) -> impl Iterator<Item = f64> {
-        self.blocks.chosen(chosen).flat_map(|(law, _)| [law.weight(); 3]).flatten()
+    /// Returns the weight of each component of [`ContactSet::subset_impulses`], kg^(-1/2).
+    pub fn subset_weights<'a>(&'a self, subset: &'a BlockSubset) -> impl Iterator<Item = f64> {
+        self.blocks.subset(subset).flat_map(|(law, _)| [law.weight(); 3]).flatten()
     }
 
-    /// Gives the contacts of the chosen blocks the impulses of their cones nearest to `impulses`, and the
-    /// grains the velocities that go with them.
-    pub fn replace_impulses(&mut self, chosen: &BlockSubset, impulses: &[f64]) {
+    /// Sets the impulses of a subset to the projections of `impulses` on their cones, and updates the velocities.
+    pub fn replace_impulses(&mut self, subset: &BlockSubset, impulses: &[f64]) {
         let (rows, rest) = impulses.as_chunks::<LANES>();
         let (triples, more) = rows.as_chunks();
         assert!(rest.is_empty() && more.is_empty(), "{} numbers", impulses.len());
         let Self { blocks, arithmetic, lines, .. } = self;
-        if blocks.replace_impulses(*arithmetic, chosen, triples, lines) {
+        if blocks.replace_impulses(*arithmetic, subset, triples, lines) {
             self.recount_active();
         }
     }
 
-    /// The root of a third of `tr W_αα` of each contact, block after block, kg^(-1/2).
+    /// Returns the weight of each contact, block after block: square root of a third of `tr W_αα`, kg^(-1/2).
     pub fn weights(&self) -> impl Iterator<Item = Row64> {
         let singles = self.blocks.singles().iter().map(|block| block.law.weight());
         singles.chain(self.blocks.pairs().iter().map(|block| block.law.weight()))
     }
 
-    /// What [`ContactSet::extrapolate`] begins with at the present impulses of the chosen blocks; `weights` are those of
-    /// [`ContactSet::weights`].
+    /// Initialises the NNCG data of a subset from its current impulses; `weights` come from [`ContactSet::weights`].
     pub fn begin_nncg(
         &self,
-        chosen: &BlockSubset,
+        subset: &BlockSubset,
         weights: &[Row64],
         memories: &mut Vec<NncgBlock>,
     ) {
-        let impulses = self.blocks.chosen(chosen).map(|(_, impulse)| *impulse);
-        let weights = self.blocks.numbers_of(chosen).map(|i| weights[i]);
+        let impulses = self.blocks.subset(subset).map(|(_, impulse)| *impulse);
+        let weights = self.blocks.numbers_of(subset).map(|i| weights[i]);
         memories.clear();
         memories.extend(impulses.zip(weights).map(|(before, weight)| NncgBlock {
             before,
@@ -305,10 +306,10 @@ impl ContactSet {
         }));
     }
 
-    /// Square of the change of the chosen blocks' impulses since they last went on (T-37), N² s²/kg.
-    pub fn change_squared(&self, chosen: &BlockSubset, memories: &[NncgBlock]) -> f64 {
+    /// Squared weighted change of a subset's impulses since the last extrapolation (T-37), N² s²/kg.
+    pub fn change_squared(&self, subset: &BlockSubset, memories: &[NncgBlock]) -> f64 {
         let mut sum = 0.0;
-        for ((_, impulse), memory) in self.blocks.chosen(chosen).zip(memories) {
+        for ((_, impulse), memory) in self.blocks.subset(subset).zip(memories) {
             for (r, before) in impulse.iter().zip(&memory.before) {
                 let squares: Row64 =
                     std::array::from_fn(|i| ((r[i] - before[i]) * memory.weight[i]).powi(2));
@@ -318,11 +319,11 @@ impl ContactSet {
         sum
     }
 
-    /// Goes on from the impulses of the chosen blocks by `share` of the way that led there (T-37), within their
-    /// cones; the grains' velocities follow.
-    pub fn extrapolate(&mut self, chosen: &BlockSubset, memories: &mut [NncgBlock], share: f64) {
+    /// Moves the impulses of a subset along their search direction by the factor `beta` (T-37), within their cones,
+    /// and updates the velocities.
+    pub fn extrapolate(&mut self, subset: &BlockSubset, memories: &mut [NncgBlock], beta: f64) {
         let Self { blocks, arithmetic, lines, .. } = self;
-        if blocks.extrapolate(*arithmetic, chosen, memories, share, lines) {
+        if blocks.extrapolate(*arithmetic, subset, memories, beta, lines) {
             self.recount_active();
         }
     }
@@ -333,12 +334,12 @@ impl ContactSet {
         }
     }
 
-    /// NormSums of the natural map at the present impulses and velocities.
+    /// Computes the sums of the natural map at the current impulses and velocities.
     pub fn natural_map(&self) -> NaturalMapSums {
         self.blocks.natural_map(self.arithmetic, &self.lines)
     }
 
-    /// Contacts and their impulses (n, t, s), N s, in the order of the sweep.
+    /// Returns the contacts with their impulses (n, t, s), N s, in the order of the sweep.
     pub fn impulses(&self) -> impl Iterator<Item = (u32, Vec3)> + '_ {
         let lanes = (self.blocks.singles().iter().map(|b| &b.impulse))
             .chain(self.blocks.pairs().iter().map(|b| &b.impulse))
@@ -346,7 +347,7 @@ impl ContactSet {
         self.order.iter().copied().zip(lanes).filter(|&(i, _)| i != PADDING)
     }
 
-    /// Writes the impulses (n, t, s), N s, to the places of this set's contacts in `impulse` `[nc]`.
+    /// Writes the impulses (n, t, s), N s, of this set's contacts to `impulse` `[nc]`.
     pub fn unpack(&self, impulse: &mut [Vec3]) {
         for (i, local) in self.impulses() {
             impulse[i as usize] = local;

@@ -14,7 +14,7 @@ const MAX_BODY_DOFS: usize = 600;
 /// Scalar entries of `W` before those of the same place are added up; also of all inverses together.
 const MAX_ENTRIES: usize = 1 << 25;
 
-/// What a global problem is given by; `H` is `[ndof, 3 nc]`.
+/// Global problem `M v = H r + f`, `u = Hᵀ v + w`; `H` is `[ndof, 3 nc]`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct GlobalProblem {
     /// Entries (row, column, value) of `M` `[ndof, ndof]`; those of the same place add up.
@@ -29,16 +29,16 @@ pub struct GlobalProblem {
     pub friction: Vec<f64>,
 }
 
-/// A global problem, its mass matrix inverted.
+/// Global problem with its mass matrix inverted.
 #[derive(Debug, Clone)]
 pub struct FactorisedGlobalProblem {
-    bodies: Vec<Body>,
+    bodies: Vec<DofBlock>,
     given: GlobalProblem,
 }
 
-/// Degrees of freedom that the mass matrix couples.
+/// Degrees of freedom that the mass matrix couples, with the inverse of their block.
 #[derive(Debug, Clone)]
-struct Body {
+struct DofBlock {
     dofs: Vec<usize>,
     inverse: DMatrix<f64>,
     /// Columns of `H` on these degrees of freedom, with their parts `[dofs]`.
@@ -46,7 +46,7 @@ struct Body {
 }
 
 impl FactorisedGlobalProblem {
-    /// Inverts the mass matrix, body by body.
+    /// Inverts the mass matrix, block by block.
     ///
     /// Refuses indices out of range, values that are not finite, and a mass matrix that is singular or
     /// couples more than 600 degrees of freedom.
@@ -57,7 +57,7 @@ impl FactorisedGlobalProblem {
         if let Some(i) = given.f.iter().position(|x| !x.is_finite()) {
             return Err(invalid("f", "finite values", format!("{} at {i}", given.f[i])));
         }
-        let (mut bodies, place) = bodies(&given)?;
+        let (mut bodies, place) = split_blocks(&given)?;
         let mut touching: Vec<_> = given.h.iter().filter(|e| e.2 != 0.0).collect();
         touching.sort_by_key(|e| (place[e.0].0, e.1));
         check_column_entries(&touching, &bodies, &place)?;
@@ -74,7 +74,7 @@ impl FactorisedGlobalProblem {
         Ok(Self { bodies, given })
     }
 
-    /// `W = Hᵀ M⁻¹ H`, `q = Hᵀ M⁻¹ f + w` (T-30).
+    /// Assembles `W = Hᵀ M⁻¹ H` and `q = Hᵀ M⁻¹ f + w` (T-30).
     pub fn assembled(&self) -> Result<AssembledProblem> {
         let count: usize = self.bodies.iter().map(|b| b.columns.len().pow(2)).sum();
         if count > MAX_ENTRIES {
@@ -84,7 +84,7 @@ impl FactorisedGlobalProblem {
         let mut entries = Vec::with_capacity(count);
         let mut q: Vec<f64> = self.given.w.iter().flat_map(|w| [w.x, w.y, w.z]).collect();
         for body in &self.bodies {
-            let free = &body.inverse * body.of(&self.given.f);
+            let free = &body.inverse * body.restrict(&self.given.f);
             for (column, part) in &body.columns {
                 q[*column] += part.dot(&free);
                 let answer = &body.inverse * part;
@@ -95,13 +95,14 @@ impl FactorisedGlobalProblem {
         AssembledProblem::from_entries(entries, q, self.given.friction.clone())
     }
 
-    /// Velocities of the bodies `v = M⁻¹ (H r + f)` `[ndof]`.
+    /// Computes the velocities of the bodies `v = M⁻¹ (H r + f)` `[ndof]`.
     pub fn velocity(&self, impulse: &[Vec3]) -> Vec<f64> {
         let mut v = vec![0.0; self.given.f.len()];
         for body in &self.bodies {
-            let load = (body.columns.iter()).fold(body.of(&self.given.f), |load, (c, part)| {
-                load + part * impulse[c / 3][c % 3]
-            });
+            let load = (body.columns.iter())
+                .fold(body.restrict(&self.given.f), |load, (c, part)| {
+                    load + part * impulse[c / 3][c % 3]
+                });
             for (dof, value) in body.dofs.iter().zip((&body.inverse * load).iter()) {
                 v[*dof] = *value;
             }
@@ -110,8 +111,8 @@ impl FactorisedGlobalProblem {
     }
 }
 
-impl Body {
-    fn of(&self, whole: &[f64]) -> DVector<f64> {
+impl DofBlock {
+    fn restrict(&self, whole: &[f64]) -> DVector<f64> {
         DVector::from_iterator(self.dofs.len(), self.dofs.iter().map(|&d| whole[d]))
     }
 }
@@ -132,15 +133,16 @@ fn check_entries(
     }
 }
 
-/// Body, and place among its degrees of freedom.
-type Place = (usize, usize);
+/// Block of a degree of freedom, and its index there.
+type DofIndex = (usize, usize);
 
-/// Refuses columns of `H`, in the order of bodies and columns, that would be too large with all degrees of freedom of
-/// the body that they touch.
+/// Refuses columns of `H` that would be too large when stored with all degrees of freedom of each block they touch.
+///
+/// `touching` is in the order of blocks and columns.
 fn check_column_entries(
     touching: &[&(usize, usize, f64)],
-    bodies: &[Body],
-    place: &[Place],
+    bodies: &[DofBlock],
+    place: &[DofIndex],
 ) -> Result<()> {
     let columns = touching.chunk_by(|a, b| (place[a.0].0, a.1) == (place[b.0].0, b.1));
     let dofs = |column: &[&(usize, usize, f64)]| bodies[place[column[0].0].0].dofs.len();
@@ -152,17 +154,17 @@ fn check_column_entries(
     Ok(())
 }
 
-/// Splits the degrees of freedom by the coupling of `M`; for each of them its body and place there.
-fn bodies(given: &GlobalProblem) -> Result<(Vec<Body>, Vec<Place>)> {
+/// Splits the degrees of freedom by the coupling of `M`; also returns the block and index of each.
+fn split_blocks(given: &GlobalProblem) -> Result<(Vec<DofBlock>, Vec<DofIndex>)> {
     let ndof = given.f.len();
     let mut parent: Vec<usize> = (0..ndof).collect();
     for &(i, j, _) in given.mass.iter().filter(|e| e.2 != 0.0) {
-        let (a, b) = (root(&mut parent, i), root(&mut parent, j));
+        let (a, b) = (find_root(&mut parent, i), find_root(&mut parent, j));
         parent[a.max(b)] = a.min(b);
     }
     let mut members: Vec<Vec<usize>> = vec![Vec::new(); ndof];
     for i in 0..ndof {
-        members[root(&mut parent, i)].push(i);
+        members[find_root(&mut parent, i)].push(i);
     }
     members.retain(|m| !m.is_empty());
     let mut place = vec![(0, 0); ndof];
@@ -189,13 +191,13 @@ fn bodies(given: &GlobalProblem) -> Result<(Vec<Body>, Vec<Place>)> {
         let first = dofs[0];
         let inverse = mass.try_inverse().filter(|m| m.iter().all(|x| x.is_finite()));
         let singular = || invalid("M", "a regular matrix", format!("a singular one at {first}"));
-        Ok(Body { dofs, inverse: inverse.ok_or_else(singular)?, columns: Vec::new() })
+        Ok(DofBlock { dofs, inverse: inverse.ok_or_else(singular)?, columns: Vec::new() })
     };
     let bodies: Result<Vec<_>> = members.into_iter().zip(masses).map(body).collect();
     Ok((bodies?, place))
 }
 
-fn root(parent: &mut [usize], mut i: usize) -> usize {
+fn find_root(parent: &mut [usize], mut i: usize) -> usize {
     while parent[i] != i {
         parent[i] = parent[parent[i]];
         i = parent[i];
@@ -207,7 +209,7 @@ fn root(parent: &mut [usize], mut i: usize) -> usize {
 mod tests {
     use super::*;
 
-    /// Two masses of one degree of freedom each, coupled, and one alone; one contact between them.
+    /// Problem of two coupled masses of one degree of freedom each and a third one, with one contact.
     fn given() -> GlobalProblem {
         GlobalProblem {
             mass: vec![(0, 0, 2.0), (1, 1, 1.0), (0, 1, 0.5), (1, 0, 0.5), (2, 2, 4.0)],
@@ -236,28 +238,28 @@ mod tests {
 
     #[test]
     fn unusable_bodies_are_refused_with_their_place() {
-        let told = |change: fn(&mut GlobalProblem)| {
+        let message = |change: fn(&mut GlobalProblem)| {
             let mut bad = given();
             change(&mut bad);
             FactorisedGlobalProblem::new(bad).unwrap_err().to_string()
         };
-        assert!(told(|g| g.mass.truncate(4)).contains("singular one at 2"));
-        assert!(told(|g| g.h.push((3, 0, 1.0))).contains("1 at (3, 0)"));
-        assert!(told(|g| g.mass.push((0, 0, f64::NAN))).contains("NaN at (0, 0)"));
-        assert!(told(|g| g.f[1] = f64::INFINITY).contains("inf at 1"));
-        let chain = told(|g| {
+        assert!(message(|g| g.mass.truncate(4)).contains("singular one at 2"));
+        assert!(message(|g| g.h.push((3, 0, 1.0))).contains("1 at (3, 0)"));
+        assert!(message(|g| g.mass.push((0, 0, f64::NAN))).contains("NaN at (0, 0)"));
+        assert!(message(|g| g.f[1] = f64::INFINITY).contains("inf at 1"));
+        let chain = message(|g| {
             g.f = vec![0.0; 700];
             g.mass = (0..700).flat_map(|i| [(i, i, 1.0), (i, i / 2, 0.1)]).collect();
         });
         assert!(chain.contains("700"), "{chain}");
         // Many large bodies: each is allowed, their inverses together are not.
-        let many = told(|g| {
+        let many = message(|g| {
             g.f = vec![0.0; 60_000];
             g.mass = (0..60_000).flat_map(|i| [(i, i, 1.0), (i, i - i % 600, 0.1)]).collect();
         });
         assert!(many.contains("36000000"), "{many}");
         // A body of many degrees of freedom, each column of which is stored with all of them.
-        let wide = told(|g| {
+        let wide = message(|g| {
             g.f = vec![0.0; 600];
             g.mass = (0..600).flat_map(|i| [(i, i, 1.0), (i, 0, 0.1)]).collect();
             g.h = (0..60_000).map(|column| (0, column, 1.0)).collect();

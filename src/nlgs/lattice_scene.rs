@@ -1,7 +1,7 @@
 //! Synthetic problems for tests and benchmarks: a lattice of grains of random mass, inertia and orientation
 //! over a moving floor, with several contact points per neighbour pair.
 //!
-//! Contract: the same seed gives the same problem. Contacts are made up, not found: the grains have no
+//! Contract: the same seed gives the same problem. Contacts are generated, not detected: the grains have no
 //! shapes, so the scene can be solved but not stepped.
 
 use crate::detection::Contacts;
@@ -13,23 +13,25 @@ use crate::state::State;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// A problem and what it was built from.
+/// Contact problem of a lattice of grains, with the data from which it was built.
 #[derive(Debug)]
 pub struct LatticeScene {
     /// Grains without shapes, and a floor without parts.
     pub model: Model,
+    /// State at the beginning of the step.
     pub state: State,
     /// Configuration and free velocities of the step.
     pub motion: Motion,
-    /// `[nc]`.
+    /// Contacts `[nc]`.
     pub contacts: Contacts,
     /// Initial impulses on the candidates, world axes, N s `[nc]`.
     pub warm: Vec<Vec3>,
+    /// Contact problem.
     pub problem: LocalProblem,
 }
 
-/// A random direction.
-pub fn unit(rng: &mut Pcg64) -> Vec3 {
+/// Returns a random unit vector.
+pub fn random_direction(rng: &mut Pcg64) -> Vec3 {
     loop {
         let v = Vec3::from_fn(|_, _| rng.random_range(-1.0..1.0));
         if v.norm() > 0.1 && v.norm() < 1.0 {
@@ -63,7 +65,7 @@ fn empty_model(restitution: f64) -> Model {
 }
 
 impl LatticeScene {
-    /// `size[0] * size[1] * size[2]` grains of 2 cm in a cubic lattice, each a neighbour of up to ten
+    /// Creates `size[0] * size[1] * size[2]` grains of 2 cm in a cubic lattice, each a neighbour of up to ten
     /// others, the lowest ones of the floor too; `points` contact points per neighbour pair.
     pub fn grid(size: [usize; 3], points: usize, restitution: f64, seed: u64) -> Self {
         let mut rng = Pcg64::seed_from_u64(seed);
@@ -75,7 +77,7 @@ impl LatticeScene {
         for x in 0..nx {
             for y in 0..ny {
                 for z in 0..nz {
-                    let jitter = unit(&mut rng) * 0.002;
+                    let jitter = random_direction(&mut rng) * 0.002;
                     let at = Vec3::new(x as f64, y as f64, z as f64 + 0.5) * 0.02 + jitter;
                     let mass = 0.02 * rng.random_range(0.3..3.0);
                     let inertia =
@@ -83,7 +85,7 @@ impl LatticeScene {
                     model.grains.shape.push(0);
                     model.grains.mass.push(mass);
                     model.grains.inertia.push(inertia);
-                    let axis = unit(&mut rng).normalize();
+                    let axis = random_direction(&mut rng).normalize();
                     let orientation = rotation::exp(&(axis * rng.random_range(0.0..3.0)));
                     state.push(Pose { position: at, orientation });
                 }
@@ -91,8 +93,8 @@ impl LatticeScene {
         }
         state.push(Pose::identity());
         for b in 0..ng {
-            state.velocity[b] = unit(&mut rng) * 0.05;
-            state.angular_velocity[b] = unit(&mut rng) * 2.0;
+            state.velocity[b] = random_direction(&mut rng) * 0.05;
+            state.angular_velocity[b] = random_direction(&mut rng) * 2.0;
         }
         let mut motion = Motion {
             position: state.position.clone(),
@@ -126,9 +128,11 @@ impl LatticeScene {
                         } else {
                             (state.position[c] - state.position[a]) * 0.5
                         };
-                        let normal = (apart.normalize() + unit(&mut rng) * 0.1).normalize();
+                        let normal =
+                            (apart.normalize() + random_direction(&mut rng) * 0.1).normalize();
                         for feature in 0..points {
-                            let point = state.position[c] - apart + unit(&mut rng) * 0.005;
+                            let point =
+                                state.position[c] - apart + random_direction(&mut rng) * 0.005;
                             let gap = rng.random_range(-2e-4..1e-5);
                             contacts.push([c as u32, a as u32], feature as u64, point, normal, gap);
                         }
@@ -137,7 +141,7 @@ impl LatticeScene {
             }
         }
         let warm = (contacts.normal.iter())
-            .map(|n| (n + unit(&mut rng) * 0.3) * rng.random_range(0.0..1e-4))
+            .map(|n| (n + random_direction(&mut rng) * 0.3) * rng.random_range(0.0..1e-4))
             .collect();
         let mut scene =
             Self { model, state, motion, contacts, warm, problem: LocalProblem::default() };
@@ -145,7 +149,7 @@ impl LatticeScene {
         scene
     }
 
-    /// Builds the problem anew, after something that it is built from was changed.
+    /// Rebuilds the problem after its data have changed.
     pub fn build(&mut self) {
         self.problem.build(&self.model, &self.state, &self.motion, &self.contacts, &self.warm);
     }

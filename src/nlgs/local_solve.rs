@@ -1,7 +1,7 @@
-//! A visit: eight independent contacts solved exactly, all others held (T-17 to T-19).
+//! Local solve: a visit of eight independent contacts, solved exactly with all others fixed (T-17 to T-19).
 //!
-//! With `ũ_T = u_T - k u_n` (what `u_T` becomes once `u_n` is brought to zero) and the tangential
-//! masses `S⁻¹` diagonal, the contact that sticks would have
+//! With `ũ_T = u_T - k u_n` (the value of `u_T` at `u_n = 0`) and diagonal tangential
+//! masses `S⁻¹`, a sticking contact has
 //!
 //! ```text
 //! z = r_T - S⁻¹ ũ_T ,   r_n = -β - k·z ,   β = u_n/W_nn - (r_n + k·r_T)
@@ -18,23 +18,27 @@
 //!
 //! `h(0) = -μβ > 0 > h(1)`: there is a root, and it stays bracketed while Halley's method runs on a
 //! polynomial form of `h`. With strong coupling `k` there may be several roots; each is a solution of
-//! the contact law, and which one is found depends on where the last solve of this contact ended.
+//! the contact law, and the initial guess from the previous solve of the contact selects one.
 
 use super::block::LawRows;
 use crate::lanes::{Lanes, each};
 
-/// Halley steps that are relatively smaller than this leave an error below rounding: convergence is
-/// cubic.
+/// Relative Halley step that leaves an error below rounding, as convergence is cubic.
 const SMALL_STEP: f64 = 1e-6;
-/// Bisection alone would be at rounding after this many.
+/// Maximum number of steps, after which bisection alone reaches rounding.
 const MAX_STEPS: usize = 64;
 
-/// LawLanes data of eight contacts.
+/// Contact laws of eight contacts.
 pub struct LawLanes<L> {
+    /// Normal mass `1/W_nn`, kg.
     pub normal_mass: L,
+    /// Coupling `W_Tn / W_nn`.
     pub coupling: [L; 2],
+    /// Tangential mass `1/S_ss`, kg.
     pub tangent_mass: L,
+    /// Ratio `S_ss / S_tt`.
     pub tangent_ratio: L,
+    /// Friction coefficient μ.
     pub friction: L,
 }
 
@@ -51,7 +55,7 @@ impl<L: Lanes> LawLanes<L> {
     }
 }
 
-/// `β` of eight contacts with relative velocities `u` and impulses `r`, and which of them it closes.
+/// Returns `β` of eight contacts with relative velocities `u` and impulses `r`, and the mask of those that close.
 #[inline(always)]
 pub fn approach<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> (L, L::Mask) {
     let [k1, k2] = law.coupling;
@@ -60,29 +64,31 @@ pub fn approach<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> (L, L::M
     (beta, beta.lt(L::splat(0.0)))
 }
 
-/// A visit under way: what eight contacts would do if they stuck, and how far the search for the slip of those that do
-/// not has come.
+/// Local solve of eight contacts in progress: sticking trial, then a bracketed Halley iteration for the slip of the rest.
 #[derive(Clone, Copy)]
 pub struct LocalSolve<L: Lanes> {
     beta: L,
+    /// Lanes whose contact is closed at the end of the step.
     closed: L::Mask,
-    /// Tangential impulses of contacts that stick.
-    z: [L; 2],
+    /// Tangential impulses of the sticking trial, N s.
+    stick_impulse: [L; 2],
+    /// Lanes outside the friction cone, which slip.
     slips: L::Mask,
     secular: SecularEquation<L>,
-    /// The root is between these.
+    /// Lower and upper bound of the root.
     bracket: [L; 2],
-    /// Where the last solve of these contacts ended, and where this one has come to.
-    start: L,
+    /// Initial guess: the root of the previous solve.
+    guess: L,
+    /// Current iterate.
     y: L,
-    /// Where it goes on.
+    /// Lanes that have not converged yet.
     active: L::Mask,
 }
 
 impl<L: Lanes> LocalSolve<L> {
-    /// After [`approach`]; `slip` is where the slip solve starts.
+    /// Starts from the result of [`approach`]; `slip` is the initial guess of the slip solve.
     #[inline(always)]
-    pub fn begin(
+    pub fn start(
         law: &LawLanes<L>,
         (beta, closed): (L, L::Mask),
         u: &[L; 3],
@@ -101,13 +107,22 @@ impl<L: Lanes> LocalSolve<L> {
         let slips = L::and_not(closed, inside);
         let secular = SecularEquation::new(law, beta, [z1, z2]);
         let high = L::select(zero.lt(law.friction), one, zero);
-        let start = L::load32(slip);
-        let y = L::select(high.lt(start), high, start);
-        let (z, bracket) = ([z1, z2], [zero, high]);
-        Self { beta, closed, z, slips, secular, bracket, start, y, active: slips }
+        let guess = L::load32(slip);
+        let y = L::select(high.lt(guess), high, guess);
+        Self {
+            beta,
+            closed,
+            stick_impulse: [z1, z2],
+            slips,
+            secular,
+            bracket: [zero, high],
+            guess,
+            y,
+            active: slips,
+        }
     }
 
-    /// One step of the search.
+    /// Makes one Halley or bisection step.
     #[inline(always)]
     fn step(&mut self) {
         let y = self.y;
@@ -118,16 +133,16 @@ impl<L: Lanes> LocalSolve<L> {
         let next = L::select(bracketed, halley, L::splat(0.5).mul(low.add(high)));
         let change = next.sub(y).abs();
         self.bracket = [low, high];
-        // A lane that is done stays: its result must not depend on its neighbours.
+        // A converged lane stays: its result must not depend on its neighbours.
         self.y = L::select(self.active, next, y);
         self.active = L::and_not(self.active, change.le(L::splat(SMALL_STEP).mul(next)));
     }
 
-    /// New impulses after [`search`]; `slip` is overwritten where a contact slips.
+    /// Returns the new impulses after [`solve_slip`]; `slip` is updated where a contact slips.
     #[inline(always)]
-    pub fn end(self, law: &LawLanes<L>, slip: &mut [f32; 8]) -> [L; 3] {
-        let Self { beta, z, slips, y, .. } = self;
-        L::select(slips, y, self.start).store32(slip);
+    pub fn finish(self, law: &LawLanes<L>, slip: &mut [f32; 8]) -> [L; 3] {
+        let Self { beta, stick_impulse: z, slips, y, .. } = self;
+        L::select(slips, y, self.guess).store32(slip);
         let slid = [z[0].mul(y).div(self.secular.denominator(y)), z[1].mul(y)];
         let [r1, r2] = each!(K in 2 => L::select(slips, slid[K], z[K]));
         let solved = [normal_impulse(law, beta, r1, r2), r1, r2];
@@ -135,16 +150,17 @@ impl<L: Lanes> LocalSolve<L> {
     }
 }
 
-/// Searches the slip of all contacts of so many visits: a step is a chain of operations that need each other, and one
-/// visit's go on while the other's are waited for.
+/// Solves the slip of all contacts of `N` visits.
+///
+/// Each step is a chain of dependent operations; interleaving visits hides its latency.
 #[inline(always)]
-pub fn search<L: Lanes, const N: usize>(visits: &mut [LocalSolve<L>; N]) {
+pub fn solve_slip<L: Lanes, const N: usize>(visits: &mut [LocalSolve<L>; N]) {
     for _ in 0..MAX_STEPS {
-        let mut goes_on = false;
+        let mut any_active = false;
         for visit in &*visits {
-            goes_on |= L::any(visit.active);
+            any_active |= L::any(visit.active);
         }
-        if !goes_on {
+        if !any_active {
             break;
         }
         for visit in &mut *visits {
@@ -153,14 +169,14 @@ pub fn search<L: Lanes, const N: usize>(visits: &mut [LocalSolve<L>; N]) {
     }
 }
 
-/// `r_n` that makes `u_n` zero.
+/// Returns the `r_n` that makes `u_n` zero.
 #[inline(always)]
 fn normal_impulse<L: Lanes>(law: &LawLanes<L>, beta: L, r1: L, r2: L) -> L {
     let [k1, k2] = law.coupling;
     k2.neg_mul_add(r2, k1.neg_mul_add(r1, L::splat(0.0).sub(beta)))
 }
 
-/// The secular equation of slip without roots and fractions.
+/// Secular equation of slip without roots and fractions.
 ///
 /// With `e = ρ + (1-ρ) y = 1/D`, `P = e μ r_n` is a quadratic in y, `G = z_t² + e² z_s²` too, and
 /// `h = 0` is `Q = P² - y² G = 0` with `P >= 0`. The roots of Q with `P < 0` are about `2/(μ ‖k‖)`
@@ -171,10 +187,10 @@ struct SecularEquation<L> {
     rest: L,
     /// Coefficients of P.
     p: [L; 3],
-    /// Halves of the last two.
+    /// Halves of the last two coefficients.
     half: [L; 2],
     z_squared: [L; 2],
-    /// A quarter of the last.
+    /// Quarter of the last square.
     quarter: L,
 }
 
@@ -199,14 +215,15 @@ impl<L: Lanes> SecularEquation<L> {
         }
     }
 
-    /// `e`.
+    /// Returns `e`.
     #[inline(always)]
     fn denominator(&self, y: L) -> L {
         self.rest.mul_add(y, self.ratio)
     }
 
-    /// Where Halley's method goes from `y`, whether `h(y) > 0`, and whether `r_n > 0`: otherwise Q
-    /// may have a root that h has not.
+    /// Returns the Halley iterate after `y`, and the masks of `h(y) > 0` and of `r_n > 0`.
+    ///
+    /// Without `r_n > 0`, Q may have a root that h does not have.
     #[inline(always)]
     fn step(&self, y: L) -> (L, L::Mask, L::Mask) {
         let zero = L::splat(0.0);
@@ -232,7 +249,7 @@ impl<L: Lanes> SecularEquation<L> {
     }
 }
 
-/// `W_αα x` where `mask` is set, else zero.
+/// Returns `W_αα x` where `mask` is set, else zero.
 #[inline(always)]
 pub fn delassus_times<L: Lanes>(law: &LawLanes<L>, x: &[L; 3], mask: L::Mask) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -246,7 +263,7 @@ pub fn delassus_times<L: Lanes>(law: &LawLanes<L>, x: &[L; 3], mask: L::Mask) ->
     each!(K in 3 => L::select(mask, w[K], zero))
 }
 
-/// `r - P_K(r - ρ (u + μ ‖u_T‖ n))` with `ρ = 3 / tr W_αα` (T-10); zero for padding.
+/// Returns the natural map `r - P_K(r - ρ (u + μ ‖u_T‖ n))` with `ρ = 3 / tr W_αα` (T-10); zero for padding.
 #[inline(always)]
 pub fn natural_map<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -267,7 +284,7 @@ pub fn natural_map<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3
     each!(K in 3 => L::select(contact, r[K].sub(projected[K]), zero))
 }
 
-/// Projection on Coulomb's cone: [`crate::math::cone::project`] on eight lanes.
+/// Projects eight impulses on Coulomb's cones, as [`crate::math::cone::project`] does with one.
 #[inline(always)]
 pub fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {
     let (zero, one) = (L::splat(0.0), L::splat(1.0));
@@ -290,7 +307,7 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_pcg::Pcg64;
 
-    /// Eight problems: rows as the kernel has them, and velocities and impulses at the visit.
+    /// Eight problems as rows of the kernel, with velocities and impulses at the visit.
     struct Problems {
         rows: LawRows,
         u: [[f64; 8]; 3],
@@ -326,12 +343,12 @@ mod tests {
         fn visit(&self) -> LocalSolve<Portable> {
             let law = LawLanes::load(&self.rows);
             let [u, r] = [self.u, self.r].map(|rows| rows.map(|x| Portable::load(&x)));
-            LocalSolve::begin(&law, approach(&law, &u, &r), &u, &r, &self.rows.slip)
+            LocalSolve::start(&law, approach(&law, &u, &r), &u, &r, &self.rows.slip)
         }
 
         fn end(&mut self, visit: LocalSolve<Portable>) -> [Vec3; 8] {
             let law = LawLanes::load(&self.rows);
-            let rows = visit.end(&law, &mut self.rows.slip).map(|lanes| {
+            let rows = visit.finish(&law, &mut self.rows.slip).map(|lanes| {
                 let mut row = [0.0; 8];
                 lanes.store(&mut row);
                 row
@@ -341,12 +358,12 @@ mod tests {
 
         fn solve(&mut self) -> [Vec3; 8] {
             let mut visits = [self.visit()];
-            search(&mut visits);
+            solve_slip(&mut visits);
             let [visit] = visits;
             self.end(visit)
         }
 
-        /// `W_αα`, and `u` and `r` at the visit.
+        /// Returns `W_αα`, `u`, `r` and μ of a lane.
         fn lane(&self, i: usize) -> (Mat3, Vec3, Vec3, f64) {
             let rows = &self.rows;
             let f = |row: &[f32; 8]| row[i] as f64;
@@ -359,12 +376,11 @@ mod tests {
         }
     }
 
-    /// How far `r` is from satisfying Signorini-Coulomb, relative to the sizes of what was added up;
-    /// also tells whether the contact is open, sticks or slips.
+    /// Returns the violation of Signorini-Coulomb by `r`, relative to the terms of its sums, and the status of the contact.
     fn violation(w: &Mat3, u: &Vec3, before: &Vec3, mu: f64, r: &Vec3) -> (f64, &'static str) {
         let delta = r - before;
         let after = u + w * delta;
-        // What rounding of the visit is relative to: impulses and velocities that were added up.
+        // Scale of rounding: impulses and velocities in the sums.
         let size = u.abs() + w.abs() * (before.abs() + r.abs());
         let speed = size.amax();
         if *r == Vec3::zeros() {
@@ -416,7 +432,7 @@ mod tests {
         for _ in 0..2_000 {
             let mut two = [Problems::random(&mut rng), Problems::random(&mut rng)];
             let mut visits = two.each_ref().map(Problems::visit);
-            search(&mut visits);
+            solve_slip(&mut visits);
             for (problems, visit) in two.iter_mut().zip(visits) {
                 let slip = problems.rows.slip;
                 let (at_once, ended) = (problems.end(visit), problems.rows.slip);

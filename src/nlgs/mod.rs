@@ -1,8 +1,8 @@
 //! Non-linear Gauss-Seidel: sweeps of contact visits over a set of contacts.
 //!
-//! [`ContactSet`] is what runs: blocks of eight independent contacts, body velocities as the running
-//! state, one arithmetic for every processor. [`mod@reference`] is what it is checked with: the same
-//! method written plainly. [`solution`] solves problems given by their Delassus operator ([`assembled_problem`]).
+//! [`ContactSet`] is the production implementation: blocks of eight independent contacts, with body velocities as the
+//! running state and the same arithmetic on every processor. [`mod@reference`] is the scalar reference. [`solution`]
+//! solves problems given by their Delassus operator ([`assembled_problem`]).
 
 pub mod anderson;
 pub mod assembled_problem;

@@ -1,20 +1,20 @@
-//! The method written plainly, contact by contact: what the kernel is checked with.
+//! Reference implementation of the sweeps, contact by contact, against which the kernel is tested.
 //!
-//! Reads: a [`LocalProblem`]. Cost: plain; nothing here is tuned. What it knows of contacts is also what
-//! [`super::assembled_problem`] assembles their operator from.
+//! Reads: a [`LocalProblem`]. Cost: not tuned. [`super::assembled_problem`] assembles its operator from the same
+//! data.
 
 use super::contact_law;
 use crate::lanes::BodyVelocity;
 use crate::local_problem::LocalProblem;
 use crate::math::{Vec3, widen};
 
-/// Contacts visited one after the other, velocities as the running state.
+/// Solver that visits contacts one after the other, with body velocities as the running state.
 #[derive(Debug, Clone)]
 pub struct MatrixFreeSolver<'a> {
     problem: &'a LocalProblem,
-    /// `[ng]`
+    /// Velocities of the mobile bodies.
     pub lines: Vec<BodyVelocity>,
-    /// (n, t, s), N s `[nc]`.
+    /// Impulses (n, t, s), N s `[nc]`.
     pub impulse: Vec<Vec3>,
 }
 
@@ -44,7 +44,7 @@ impl<'a> MatrixFreeSolver<'a> {
         u
     }
 
-    /// BodyVelocity, arms and sign of each grain of contact `i`.
+    /// Returns line, arms and sign of each mobile body of contact `i`.
     pub(super) fn sides(
         &self,
         i: usize,
@@ -55,7 +55,7 @@ impl<'a> MatrixFreeSolver<'a> {
         std::iter::once((c, contact.candidate_arms, 1.0)).chain(antagonist)
     }
 
-    /// `V += M⁻¹ H_i Δr`.
+    /// Adds the effect of an impulse: `V += M⁻¹ H_i Δr`.
     fn push(&mut self, i: usize, delta: &Vec3) {
         let force = self.problem.contacts[i].world(delta);
         for (line, arms, sign) in self.sides(i) {
@@ -75,7 +75,7 @@ impl<'a> MatrixFreeSolver<'a> {
             let w = contact.law_block();
             let b = self.relative_velocity(i) - w * self.impulse[i];
             let solved = contact_law::solve(&w, &b, contact.friction as f64);
-            let delta = contact_law::relaxed(&self.impulse[i], &solved, relaxation);
+            let delta = contact_law::relaxed_change(&self.impulse[i], &solved, relaxation);
             self.impulse[i] += delta;
             self.push(i, &delta);
         }

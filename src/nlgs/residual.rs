@@ -1,4 +1,4 @@
-//! How well a problem is solved: LMGC90's norms and the natural map, one function each.
+//! Residuals of a contact problem: LMGC90's norms and the natural map.
 //!
 //! NormSums over a set of contacts are added up, in a fixed order, over the sets of a problem, then turned
 //! into norms.
@@ -9,22 +9,22 @@ use std::ops::AddAssign;
 /// products, and coupled axes stretch their errors.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// How well a step is solved; what [`crate::model::Solver::tolerance`] is compared with.
+/// Residuals of a step, compared with [`crate::model::Solver::tolerance`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Residuals {
-    /// LMGC90's norms, not divided by a tolerance: rms of the visits' velocity change over rms of
+    /// Quadratic norm of LMGC90, not divided by a tolerance: rms of the visits' velocity change over rms of
     /// `W_αα r_α` on active contacts (T-11).
     pub quad: f64,
-    /// The same with the largest change, over 16.666.
+    /// Maximum norm of LMGC90: largest velocity change over 16.666 times rms of `W_αα r_α`.
     pub max16: f64,
-    /// Impulse-weighted means of the change (T-11): the larger of the two.
+    /// Larger of the two impulse-weighted means of the change (T-11).
     pub weighted: f64,
-    /// Natural map, unit-free (T-10).
+    /// Unit-free natural map (T-10).
     pub natural_map: f64,
 }
 
 impl Residuals {
-    /// The largest of LMGC90's norms.
+    /// Largest of LMGC90's norms.
     pub fn qm16(&self) -> f64 {
         self.quad.max(self.max16).max(self.weighted)
     }
@@ -39,19 +39,19 @@ impl Residuals {
 pub struct VisitNorms {
     /// Number of visits that count.
     pub active: f64,
-    /// `Σ ‖Δv‖²`, (m/s)².
+    /// Sum `Σ ‖Δv‖²`, (m/s)².
     pub dv_squared: f64,
-    /// `Σ ‖W_αα r‖²`, (m/s)².
+    /// Sum `Σ ‖W_αα r‖²`, (m/s)².
     pub wr_squared: f64,
-    /// `Σ r·W_αα r`, J.
+    /// Sum `Σ r·W_αα r`, J.
     pub r_wr: f64,
-    /// `Σ r·Δv`, J.
+    /// Sum `Σ r·Δv`, J.
     pub r_dv: f64,
-    /// `Σ ‖r‖² ‖Δv‖²`, J².
+    /// Sum `Σ ‖r‖² ‖Δv‖²`, J².
     pub r_squared_dv_squared: f64,
-    /// `max ‖Δv‖²`, (m/s)².
+    /// Maximum `max ‖Δv‖²`, (m/s)².
     pub max_dv_squared: f64,
-    /// Largest square of a body's speed, with the spin of a grain, (m/s)²: what the rounding of the visits is relative to.
+    /// Largest square of a body's speed, including the rotation of a grain, (m/s)²: the scale of rounding.
     pub speed_squared: f64,
 }
 
@@ -69,13 +69,13 @@ impl AddAssign for VisitNorms {
 }
 
 impl VisitNorms {
-    /// LMGC90's norms (T-11), not divided by the tolerance; the natural map is left at zero.
+    /// Computes LMGC90's norms (T-11), not divided by the tolerance; the natural map stays zero.
     ///
     /// With rms over the active visits: `quad = rms ‖Δv‖ / rms ‖W r‖` (its QuadDV),
     /// `max16 = max ‖Δv‖ / (16.666 rms ‖W r‖)` (MaxDV), `weighted` the larger of
     /// `|Σ r·Δv| / Σ r·W r` (MeanDVoR) and `rms(‖r‖ ‖Δv‖) / mean(r·W r)` (QuadDVoR).
-    /// All zero when nothing acts, or nothing changes but by rounding: there is nothing left to
-    /// solve. The norms do not show it where the impulses fade away, for they are relative to them.
+    /// All zero without active contacts, or if only rounding changes the impulses: the problem is solved. Where the
+    /// impulses fade away, the norms would not show it, because they are relative to them.
     pub fn residuals(&self) -> Residuals {
         if self.is_rounding_noise() {
             return Residuals::default();
@@ -95,15 +95,15 @@ impl VisitNorms {
             natural_map: 0.0,
         }
     }
-}
 
-impl VisitNorms {
-    /// Whether nothing changes but by rounding (T-11).
+    /// Returns true if only rounding changes the velocities (T-11).
     pub fn is_rounding_noise(&self) -> bool {
         self.dv_squared <= self.active * ROUNDING * ROUNDING * self.speed_squared
     }
 
-    /// The largest change over what weight changes in a step, `gravity_dv` (m/s): above one, something is being flung (T-11).
+    /// Largest velocity change over `gravity_dv`, the change by gravity in a step (m/s).
+    ///
+    /// Above one, a body is accelerated more than its weight explains (T-11).
     pub fn relative_dv(&self, gravity_dv: f64) -> f64 {
         self.max_dv_squared.sqrt() / gravity_dv
     }
@@ -112,9 +112,9 @@ impl VisitNorms {
 /// NormSums of the natural map with `ρ_c = 3 / tr W_cc` (T-10).
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct NaturalMapSums {
-    /// `Σ ‖r - P_K(r - ρ (u + μ ‖u_T‖ n))‖²`, (N s)².
+    /// Sum `Σ ‖r - P_K(r - ρ (u + μ ‖u_T‖ n))‖²`, (N s)².
     pub map_squared: f64,
-    /// `Σ ‖r‖²`, (N s)².
+    /// Sum `Σ ‖r‖²`, (N s)².
     pub r_squared: f64,
 }
 

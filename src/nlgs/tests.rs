@@ -1,4 +1,4 @@
-//! The kernel against the plain method, and properties of a sweep.
+//! Tests of the kernel against the reference, and of properties of a sweep.
 
 use super::assembled_problem::AssembledProblem;
 use super::lattice_scene::LatticeScene;
@@ -51,7 +51,7 @@ fn kernel_plain_and_assembled_sweeps_agree_to_rounding() {
 }
 
 #[test]
-fn a_relaxed_sweep_leaves_nothing_on_what_has_opened() {
+fn a_relaxed_sweep_leaves_no_impulse_on_open_contacts() {
     let scene = LatticeScene::grid([5, 4, 3], 2, 0.0, 2);
     let mut set = whole(&scene.problem);
     (0..200).for_each(|_| set.sweep(0.5));
@@ -130,7 +130,7 @@ fn contacts_between_grains_keep_momentum() {
     assert!((after.1 - before.1).norm() < 1e-7 * scale * 0.1, "{:?}", after.1 - before.1);
 }
 
-/// The blocks that carry an impulse.
+/// Returns the blocks with an impulse.
 fn active(set: &mut ContactSet) -> BlockSubset {
     let mut chosen = BlockSubset::default();
     set.update_active();
@@ -166,7 +166,7 @@ fn every_arithmetic_gives_the_same_bits() {
 }
 
 #[test]
-fn momentum_goes_on_as_its_definition_says() {
+fn nncg_extrapolates_as_defined() {
     let scene = LatticeScene::grid([6, 5, 4], 3, 0.2, 11);
     let begin = |arithmetic| {
         let mut set = whole(&scene.problem);
@@ -180,7 +180,7 @@ fn momentum_goes_on_as_its_definition_says() {
         let weights: Vec<_> = set.weights().collect();
         let mut memories = Vec::new();
         set.begin_nncg(&chosen, &weights, &mut memories);
-        // The same in numbers: where iterations began, where they led, what led there.
+        // Scalar version: impulses before and after the iterations, and the search direction.
         let (mut plain, _) = begin(InstructionSet::PORTABLE);
         let weights: Vec<f64> = plain.subset_weights(&chosen).collect();
         let mut before: Vec<f64> = plain.subset_impulses(&chosen).collect();
@@ -207,7 +207,7 @@ fn momentum_goes_on_as_its_definition_says() {
 }
 
 #[test]
-fn contacts_that_are_given_impulses_are_swept_though_they_were_asleep() {
+fn inactive_contacts_are_swept_after_their_impulses_are_replaced() {
     let scene = LatticeScene::grid([6, 5, 4], 3, 0.2, 11);
     let mut set = whole(&scene.problem);
     set.sweep(1.0);

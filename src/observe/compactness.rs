@@ -19,8 +19,8 @@ pub struct Compactness {
     pub compactness: f64,
 }
 
-/// Share of a zone that bodies have to leave free: in less, what grains overlap with them counts for as much as the grains.
-const LEAST: f64 = 0.05;
+/// Minimum accessible fraction of a zone; below it, overlaps of grains and bodies matter as much as the grains.
+const MIN_ACCESSIBLE_FRACTION: f64 = 0.05;
 
 /// Measures φ of a zone, with exact volumes of clipped polyhedra (T-21).
 ///
@@ -31,12 +31,15 @@ const LEAST: f64 = 0.05;
 /// [`Error::State`] if driven bodies leave less than a twentieth of the zone.
 pub fn compactness(model: &Model, state: &State, zone: &Zone) -> Result<Compactness> {
     let accessible = accessible_volume(model, state, zone);
-    let share = accessible / zone.region.volume();
-    if share <= LEAST {
+    let fraction = accessible / zone.region.volume();
+    if fraction <= MIN_ACCESSIBLE_FRACTION {
         return Err(Error::State {
             place: format!("compactness of zone {:?}", zone.name),
-            expected: format!("more than {} % of it free of driven bodies", 100.0 * LEAST),
-            found: format!("{:.1} %", 100.0 * share.max(0.0)),
+            expected: format!(
+                "more than {} % of it free of driven bodies",
+                100.0 * MIN_ACCESSIBLE_FRACTION
+            ),
+            found: format!("{:.1} %", 100.0 * fraction.max(0.0)),
         });
     }
     let solid = solid_volume(model, state, zone);
@@ -134,10 +137,10 @@ mod tests {
         for (z, expected) in
             [(0.2, Some("0.0 %")), (0.7 / 0.96 - 0.2, Some("4.0 %")), (0.7 / 0.94 - 0.2, None)]
         {
-            let told = within(z).err().map(|e| e.to_string());
-            assert_eq!(told.is_some(), expected.is_some(), "{told:?}");
+            let message = within(z).err().map(|e| e.to_string());
+            assert_eq!(message.is_some(), expected.is_some(), "{message:?}");
             assert!(
-                told.is_none_or(
+                message.is_none_or(
                     |text| text.contains("\"test\"") && text.contains(expected.unwrap())
                 )
             );

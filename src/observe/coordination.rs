@@ -4,18 +4,18 @@ use super::zone::Zone;
 use crate::model::Model;
 use crate::state::State;
 
-/// Contacts that carry an impulse, counted by grain.
+/// Numbers of active contacts by grain.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Coordination {
-    /// Bodies that each grain touches, driven ones included `[ng]`.
+    /// Number of bodies that each grain touches, driven ones included `[ng]`.
     pub neighbours: Vec<u32>,
-    /// Contact points of each grain `[ng]`.
+    /// Number of contact points of each grain `[ng]`.
     pub points: Vec<u32>,
-    /// Grains without any impulse.
+    /// Number of grains without any impulse.
     pub rattlers: usize,
-    /// Touching neighbours per grain, over all grains and over those that are no rattlers.
+    /// Touching neighbours per grain, over all grains and without rattlers.
     pub mean_neighbours: [f64; 2],
-    /// Contact points per grain, over all grains and over those that are no rattlers.
+    /// Contact points per grain, over all grains and without rattlers.
     pub mean_points: [f64; 2],
 }
 

@@ -3,7 +3,7 @@
 use super::sum;
 use crate::model::Model;
 
-/// Mean nominal diameter `d`, m: that of the sphere of a grain's volume. Zero without grains.
+/// Mean nominal diameter `d`, m: the diameter of a sphere of the grain's volume. Zero without grains.
 pub fn mean_diameter(model: &Model) -> f64 {
     if model.grains.is_empty() {
         return 0.0;
@@ -16,7 +16,7 @@ pub fn mean_diameter(model: &Model) -> f64 {
     sum / grains.len() as f64
 }
 
-/// Mass of all grains over their volume, kg/m³. Zero without grains.
+/// Density of the grains, kg/m³: total mass over total volume. Zero without grains.
 pub fn density(model: &Model) -> f64 {
     if model.grains.is_empty() {
         return 0.0;

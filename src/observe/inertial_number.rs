@@ -9,18 +9,18 @@ use crate::model::Model;
 use crate::state::State;
 use std::ops::Add;
 
-/// How fast a zone flows, compared with how fast grains fall into place.
+/// Inertial number of a zone: ratio of the times of rearrangement and shear.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InertialNumber {
-    /// `I = γ̇ d sqrt(ρ / P)`; `None` where grains do not press on each other, or are too few for a shear rate.
+    /// Inertial number `I = γ̇ d sqrt(ρ / P)`; `None` without pressure or shear rate.
     pub value: Option<f64>,
-    /// `γ̇`, 1/s; `None` where the grains' centres span no volume.
+    /// Shear rate `γ̇`, 1/s; `None` where the grains' centres span no volume.
     pub shear_rate: Option<f64>,
-    /// `P`, Pa.
+    /// Pressure `P`, Pa.
     pub pressure: f64,
 }
 
-/// Inertial number of a zone (T-22), with `d` the mean nominal diameter and `ρ` the grains' density.
+/// Computes the inertial number of a zone (T-22), with `d` the mean nominal diameter and `ρ` the grains' density.
 pub fn inertial_number(model: &Model, state: &State, zone: &Zone) -> InertialNumber {
     let shear_rate = shear_rate(model, state, zone);
     let pressure = stress(model, state, zone).pressure;
@@ -30,7 +30,7 @@ pub fn inertial_number(model: &Model, state: &State, zone: &Zone) -> InertialNum
     InertialNumber { value, shear_rate, pressure }
 }
 
-/// Shear rate `γ̇ = sqrt(2 D' : D')` of a zone, 1/s, `D'` the deviator of the symmetric gradient.
+/// Computes the shear rate `γ̇ = sqrt(2 D' : D')` of a zone, 1/s, `D'` the deviator of the symmetric gradient.
 ///
 /// The gradient is the linear velocity field that fits, weighted by mass, the grains whose centre
 /// is in the zone; `None` where their centres span no volume.
@@ -47,8 +47,9 @@ struct Moments {
     mass: f64,
     position: Vec3,
     velocity: Vec3,
-    /// Σ m v ⊗ x and Σ m x ⊗ x.
+    /// Sum Σ m v ⊗ x.
     mixed: Mat3,
+    /// Sum Σ m x ⊗ x.
     second: Mat3,
 }
 
@@ -65,7 +66,7 @@ impl Add for Moments {
     }
 }
 
-/// Least squares fit of `v = v0 + L x` to the grains of a zone.
+/// Fits by least squares `v = v0 + L x` to the grains of a zone.
 fn velocity_gradient(model: &Model, state: &State, zone: &Zone) -> Option<Mat3> {
     let centre = (zone.region.low + zone.region.high) / 2.0;
     let zero = Moments {
@@ -77,7 +78,7 @@ fn velocity_gradient(model: &Model, state: &State, zone: &Zone) -> Option<Mat3> 
     };
     let sum = sum::in_chunks(model.grains.len(), zero, |range| {
         range.filter(|&i| zone.region.contains(&state.position[i])).fold(zero, |sum, i| {
-            // From the zone's centre, where the sums cancel little.
+            // Relative to the zone's centre, to limit cancellation.
             let (m, v, x) = (model.grains.mass[i], state.velocity[i], state.position[i] - centre);
             let mixed = v * x.transpose() * m;
             let second = x * x.transpose() * m;

@@ -5,7 +5,9 @@ use crate::math::Vec3;
 use crate::model::{Model, Part, Role};
 use crate::state::State;
 
-/// Grains whose centre is behind a wall or the floor: a half-space, or beside and below all convex parts of the boundary.
+/// Counts the grains that have left the bed.
+///
+/// Their centre is inside a boundary half-space, or outside and below all convex parts of the boundary.
 pub fn lost_grains(model: &Model, state: &State) -> usize {
     let grains = model.grains.len();
     let (mut planes, mut corners) = (Vec::new(), Vec::new());

@@ -1,8 +1,8 @@
-//! What is measured on a bed: observables.
+//! Observables of a bed.
 //!
-//! Reads: model and state, which holds the contacts of the step that led to it; what asks for gaps and normals reads
+//! Reads: model and state, which holds the contacts of the step that led to it; observables of gaps and normals read
 //! the workspace of that step. Writes: nothing.
-//! Theory: (T-14), (T-21) to (T-26). Cost: O(grains + contacts) each; they run only when asked for.
+//! Theory: (T-14), (T-21) to (T-26). Cost: O(grains + contacts) each; they run only on request.
 //! Contract: measuring never changes a result; sums have a fixed order, so the same state gives the
 //! same bytes for any number of threads. The state fits the model, the workspace the state.
 
@@ -25,7 +25,8 @@ pub use inertial_number::{InertialNumber, inertial_number};
 pub use lost::lost_grains;
 pub use penetration::{Penetration, penetration};
 pub use squeeze::{
-    SqueezeMeter, SqueezeOutcome, SqueezePair, SqueezeRecord, SqueezeRule, TOUCH, TineStep,
+    MIN_CONTACT_FORCE, SqueezeMeter, SqueezeOutcome, SqueezePair, SqueezeRecord, SqueezeRule,
+    TineStep,
 };
 pub use stress::{Stress, stress};
 pub use zone::Zone;

@@ -1,19 +1,19 @@
-//! Penetration, the measure of a run's quality (T-26).
+//! Penetration, a measure of the quality of a run (T-26).
 
 use super::grain_size::mean_diameter;
 use crate::model::Model;
 use crate::workspace::Workspace;
 
-/// How far bodies overlap at their contact points.
+/// Penetration depths of the contact points.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Penetration {
-    /// Contact points with a negative gap.
+    /// Number of contact points with a negative gap.
     pub points: usize,
-    /// Mean over the penetrating points, over the mean grain size.
+    /// Mean depth of the penetrating points over the mean grain size.
     pub mean: f64,
-    /// Largest, over the mean grain size.
+    /// Largest depth over the mean grain size.
     pub max: f64,
-    /// The mean grain size both are divided by, m.
+    /// Mean grain size, m.
     pub diameter: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Small hand-made scenes for the tests of observables.
+//! Small scenes for the tests of observables.
 
 use crate::geometry::cuboid;
 use crate::math::{Pose, Vec3};

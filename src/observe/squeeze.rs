@@ -1,17 +1,16 @@
-//! What each tine pair does in a squeeze: onset of contact, peak force, closing, compaction energy,
+//! Squeeze measurements of each tine pair: onset of contact, peak force, closing, compaction energy and
 //! force-displacement loop.
 //!
 //! Reads: states, and the steps' reactions of the tines. Writes: its own records. Cost: O(tines) per step.
-//! Contract: measuring changes nothing; what is told depends on the steps, not on who moves the tines nor on
-//! how time is cut into windows. Signs: a force is positive when the ballast resists closing.
+//! Contract: measuring changes nothing; results depend on the steps alone, not on the source of the tines' motion
+//! or the window lengths. Signs: a force is positive when the ballast resists closing.
 //!
-//! Whoever moves the tines need not say when a squeeze begins: it is seen in their motion, averaged over a
-//! vibration period, which takes the vibration out of it. A squeeze begins where a pair is at its widest before
-//! it closes by more than [`LEAST_CLOSING`], and is over when it has opened again by as much from its narrowest.
-//! Tines bend by some millimetres while they sink in: before a squeeze has begun, closing that the ballast pushes
-//! the pair to does not count.
+//! A squeeze is detected from the motion of the tines, averaged over a vibration period. It begins at the widest
+//! position before a pair closes by more than [`MIN_CLOSING`], and ends when the pair has opened by as much from its
+//! narrowest position. Tines bend by some millimetres during insertion, so closing by ballast forces does not count
+//! before a squeeze has begun.
 //!
-//! Loops and energies tell worn ballast from good: both are those of published squeeze tests.
+//! Loops and energies are those of published squeeze tests, which distinguish worn from good ballast.
 
 use crate::error::{Error, Result};
 use crate::model::Model;
@@ -21,42 +20,46 @@ pub use crate::window_memory::SqueezeRecord;
 use crate::window_memory::{MAX_LOOP_POINTS, PeriodSums, SqueezeTrack};
 use std::sync::Arc;
 
-/// The tines of a pair: index among the driven bodies, and closing direction along x, +1 or -1.
+/// Tines of a pair: index among the driven bodies, and closing direction along x, +1 or -1.
 pub type PairTines = Vec<(usize, f64)>;
 
-/// By how much the mean way of a side over a period must change to be closing or opening, m: more than a
-/// vibration of another frequency than the period's leaves in the mean, little against strokes of 20 to 100 mm.
-pub const LEAST_CLOSING: f64 = 2e-3;
-/// Mean force of a side over a period above which the ballast counts as touched, N; with as much in closing direction
-/// it pushes the pair together.
-pub const TOUCH: f64 = 100.0;
-/// Tines that close together.
+/// Minimum change of a side's period-averaged position that counts as closing or opening, m.
+///
+/// More than the remainder of a vibration of another frequency, and small against strokes of 20 to 100 mm.
+pub const MIN_CLOSING: f64 = 2e-3;
+/// Minimum period-averaged force of a side that counts as contact with the ballast, N.
+///
+/// A force of this size in closing direction pushes the pair together.
+pub const MIN_CONTACT_FORCE: f64 = 100.0;
+/// Pair of tines, or groups of tines, that close towards each other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SqueezePair {
+    /// Name of the pair.
     pub name: String,
+    /// Tines of the pair.
     pub tines: PairTines,
 }
 
-/// Which pairs are looked at, and over how many steps their motion and forces are averaged.
+/// Tine pairs to measure, and the averaging period of their motion and forces.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SqueezeRule {
     pairs: Vec<SqueezePair>,
-    /// Steps of a vibration period.
+    /// Number of steps of a vibration period.
     period: u32,
 }
 
 impl Default for SqueezeRule {
-    /// Looks at nothing.
+    /// Returns a rule without pairs.
     fn default() -> Self {
         Self { pairs: Vec::new(), period: 1 }
     }
 }
 
 impl SqueezeRule {
-    /// A rule for the given pairs and steps of a vibration period.
+    /// Creates a rule for the given pairs and steps of a vibration period.
     ///
     /// # Errors
-    /// A pair without tines, a direction that is not ±1, or a period of no steps.
+    /// [`Error::Input`] for a pair without tines, a direction that is not ±1, or a period of no steps.
     pub fn new(pairs: Vec<SqueezePair>, period: u32) -> Result<Self> {
         let refused = |place: String, expected: &str, found: String| {
             Err(Error::Input { place, expected: expected.into(), found })
@@ -78,59 +81,60 @@ impl SqueezeRule {
     }
 }
 
-/// A squeeze that was in progress during a window.
+/// Squeeze in progress during a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SqueezeOutcome {
-    /// Of the pair.
+    /// Name of the pair.
     pub name: String,
-    /// The pair has opened again.
-    pub is_over: bool,
+    /// True if the pair has opened again.
+    pub is_finished: bool,
+    /// Measurements of the squeeze.
     pub record: SqueezeRecord,
 }
 
-/// Follows the pairs of a rule from step to step.
+/// Meter that follows the pairs of a rule from step to step.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SqueezeMeter {
     rule: Arc<SqueezeRule>,
-    /// `[pairs]`.
+    /// Progress of each pair.
     tracks: Vec<SqueezeTrack>,
-    /// Over since they were last told.
-    over: Vec<SqueezeOutcome>,
+    /// Squeezes that ended since the last [`SqueezeMeter::take_outcomes`].
+    finished: Vec<SqueezeOutcome>,
 }
 
-/// A tine in a step.
+/// Motion and load of a tine in a step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct TineStep {
-    /// Of its reference point at the end, along x, m.
-    pub place: f64,
-    /// Of the ballast on it, along x, N s.
+    /// Position of the reference point at the end of the step, along x, m.
+    pub position: f64,
+    /// Impulse of the ballast on the tine, along x, N s.
     pub impulse: f64,
-    /// Of it on the ballast, J.
+    /// Work of the tine on the ballast, J.
     pub work: f64,
 }
 
 impl SqueezeMeter {
-    /// A meter that has seen nothing yet.
+    /// Creates a meter without measurements.
     pub fn new(rule: Arc<SqueezeRule>) -> Self {
         let tracks = vec![SqueezeTrack::default(); rule.pairs.len()];
-        Self { rule, tracks, over: Vec::new() }
+        Self { rule, tracks, finished: Vec::new() }
     }
 
-    /// Takes the step that has led to `state`.
-    pub fn take(&mut self, model: &Model, state: &State, report: &StepReport) {
+    /// Records the step that has led to `state`.
+    pub fn record(&mut self, model: &Model, state: &State, report: &StepReport) {
         let ng = model.grains.len();
-        self.follow(state.time_ns, model.stepping.h(), |d| TineStep {
-            place: state.position[ng + d].x,
+        self.record_step(state.time_ns, model.stepping.h(), |d| TineStep {
+            position: state.position[ng + d].x,
             impulse: report.reactions[d].impulse.x,
             work: report.reactions[d].work,
         });
     }
 
-    /// Takes a step of length `h` (s) that has ended at `time_ns`; `tine` tells what the tines did in it.
-    pub fn follow(&mut self, time_ns: u64, h: f64, tine: impl Fn(usize) -> TineStep) {
+    /// Records a step of length `h` (s) that ended at `time_ns`; `tine` returns the motion and load of a tine.
+    pub fn record_step(&mut self, time_ns: u64, h: f64, tine: impl Fn(usize) -> TineStep) {
         for (pair, track) in self.rule.pairs.iter().zip(&mut self.tracks) {
             let tines = &pair.tines;
-            let place = mean_closing(tines, |d| tine(d).place);
+            let place = mean_closing(tines, |d| tine(d).position);
             let work = tines.iter().map(|t| tine(t.0).work).sum::<f64>();
             let force = side_force(tines, |d| tine(d).impulse, h);
             track.period.take(force, place, work);
@@ -138,21 +142,25 @@ impl SqueezeMeter {
                 continue;
             }
             if let Some(record) = track.end_period(sides(tines), time_ns) {
-                self.over.push(SqueezeOutcome { name: pair.name.clone(), is_over: true, record });
+                self.finished.push(SqueezeOutcome {
+                    name: pair.name.clone(),
+                    is_finished: true,
+                    record,
+                });
             }
         }
     }
 
-    /// What is to be told: the squeezes that have ended since it was last asked, and those in progress.
-    pub fn tell(&mut self) -> Vec<SqueezeOutcome> {
-        let mut told = std::mem::take(&mut self.over);
-        let tracks = self.rule.pairs.iter().zip(&self.tracks).filter(|(_, t)| t.is_squeezing);
-        told.extend(tracks.map(|(pair, track)| SqueezeOutcome {
+    /// Returns the squeezes that ended since the last call, and those in progress.
+    pub fn take_outcomes(&mut self) -> Vec<SqueezeOutcome> {
+        let mut outcomes = std::mem::take(&mut self.finished);
+        let active = self.rule.pairs.iter().zip(&self.tracks).filter(|(_, t)| t.is_squeezing);
+        outcomes.extend(active.map(|(pair, track)| SqueezeOutcome {
             name: pair.name.clone(),
-            is_over: false,
+            is_finished: false,
             record: track.record.clone(),
         }));
-        told
+        outcomes
     }
 
     /// Returns a meter that continues from `tracks`; tracks of another number of pairs are dropped.
@@ -160,7 +168,7 @@ impl SqueezeMeter {
         if tracks.len() != rule.pairs.len() {
             return Self::new(rule);
         }
-        Self { rule, tracks: tracks.to_vec(), over: Vec::new() }
+        Self { rule, tracks: tracks.to_vec(), finished: Vec::new() }
     }
 
     /// Returns the progress of each pair `[pairs]`.
@@ -181,12 +189,12 @@ impl PeriodSums {
 }
 
 impl SqueezeTrack {
-    /// The squeeze that is over with this period, if one is.
+    /// Ends a period; returns the record of a squeeze that ends with it.
     fn end_period(&mut self, sides: f64, now_ns: u64) -> Option<SqueezeRecord> {
         let period = std::mem::take(&mut self.period);
         let steps = f64::from(period.steps);
         let (place, force) = (period.place / steps, period.force / steps);
-        let is_pushed = force < -TOUCH;
+        let is_pushed = force < -MIN_CONTACT_FORCE;
         let closing = match self.widest {
             Some(widest) if self.is_squeezing || (place > widest && !is_pushed) => place - widest,
             _ => {
@@ -194,12 +202,12 @@ impl SqueezeTrack {
                 return None;
             }
         };
-        // As far as it comes: what the pair gets back in opening is elastic, and seen by a period or two alone.
+        // Without opening: the elastic return is seen in a period or two alone.
         let further = (closing - self.farthest).max(0.0);
         self.record.compaction_energy += sides * 0.5 * (self.last_force + force) * further;
         self.farthest += further;
-        self.note(&period, closing, force, now_ns);
-        if !self.is_squeezing && closing > LEAST_CLOSING {
+        self.record_period(&period, closing, force, now_ns);
+        if !self.is_squeezing && closing > MIN_CLOSING {
             self.is_squeezing = true;
             self.count += 1;
             self.record.number = self.count;
@@ -207,7 +215,7 @@ impl SqueezeTrack {
         if self.is_squeezing {
             self.record.work += period.work;
         }
-        if closing >= self.farthest - LEAST_CLOSING {
+        if closing >= self.farthest - MIN_CLOSING {
             return None;
         }
         let over = self.is_squeezing.then(|| std::mem::take(&mut self.record));
@@ -215,18 +223,18 @@ impl SqueezeTrack {
         over
     }
 
-    /// The pair is at its widest, for now.
+    /// Starts a new record at the current, widest position.
     fn begin(&mut self, period: &PeriodSums, place: f64, now_ns: u64) {
         let count = self.count;
         *self = Self { count, widest: Some(place), per_point: 1, ..Self::default() };
-        self.record.began_ns = now_ns;
-        self.note(period, 0.0, period.force / f64::from(period.steps), now_ns);
+        self.record.start_ns = now_ns;
+        self.record_period(period, 0.0, period.force / f64::from(period.steps), now_ns);
     }
 
-    /// Notes forces and the closing at the end of a period.
-    fn note(&mut self, period: &PeriodSums, closing: f64, force: f64, now_ns: u64) {
+    /// Records forces and closing at the end of a period.
+    fn record_period(&mut self, period: &PeriodSums, closing: f64, force: f64, now_ns: u64) {
         let record = &mut self.record;
-        if force > TOUCH && self.last_force <= TOUCH {
+        if force > MIN_CONTACT_FORCE && self.last_force <= MIN_CONTACT_FORCE {
             (record.onset_ns, record.onset_closing) = (Some(now_ns), closing);
         }
         if force > record.peak_force {
@@ -257,7 +265,7 @@ fn sides(pair: &PairTines) -> f64 {
     [1.0, -1.0].into_iter().filter(|d| pair.iter().any(|t| t.1 == *d)).count() as f64
 }
 
-/// How far the tines of a side have come in the mean, averaged over the sides, m.
+/// Mean position of the tines of a side along its closing, averaged over the sides, m.
 fn mean_closing(pair: &PairTines, place: impl Fn(usize) -> f64) -> f64 {
     let of_side = |side: f64| {
         let places = || pair.iter().filter(|t| t.1 == side).map(|t| side * place(t.0));

@@ -38,7 +38,7 @@ fn step(meter: &mut SqueezeMeter, i: u64, closing: f64, force: f64, work: f64) {
     let reaction =
         |x: f64| Reaction { impulse: Vec3::new(x * H, 5.0, 7.0), work, ..Reaction::default() };
     let reactions = vec![Reaction::default(), reaction(-force), reaction(force)];
-    meter.take(&model(), &state, &StepReport { reactions, ..StepReport::default() });
+    meter.record(&model(), &state, &StepReport { reactions, ..StepReport::default() });
 }
 
 #[test]
@@ -52,9 +52,11 @@ fn a_linear_spring_gives_its_own_loop_and_energy_in_spite_of_vibration() {
         let felt = if spring > 0.0 { spring + 30.0 * phase } else { 0.0 };
         step(&mut meter, i, closing + 5e-3 * phase, felt, 0.25);
     }
-    let told = meter.tell();
-    let [SqueezeOutcome { name, is_over: false, record }] = &told[..] else { panic!("{told:?}") };
-    assert_eq!((&name[..], record.number, record.began_ns), ("pair", 1, 10_000_000));
+    let outcomes = meter.take_outcomes();
+    let [SqueezeOutcome { name, is_finished: false, record }] = &outcomes[..] else {
+        panic!("{outcomes:?}")
+    };
+    assert_eq!((&name[..], record.number, record.start_ns), ("pair", 1, 10_000_000));
     // Means over a period lag by half of one: 4.5 steps, 0.225 mm; the first of them is where closing is zero.
     assert!((record.onset_closing - 0.0105).abs() < 6e-4, "{}", record.onset_closing);
     assert!((record.onset_ns.unwrap() as f64 * 1e-9 - 0.22).abs() < 1e-2);
@@ -76,20 +78,20 @@ fn a_squeeze_is_over_when_the_pair_opens_and_the_next_one_has_its_own_record() {
     let mut meter = SqueezeMeter::new(rule(1));
     let there = (0..=100).map(|i| (i as f64 * 1e-4, 1000.0));
     let back = (0..=100).rev().map(|i| (i as f64 * 1e-4, 400.0));
-    let mut told = vec![];
+    let mut outcomes = vec![];
     let mut at = 0;
     for _ in 0..2 {
         for (closing, force) in there.clone().chain(back.clone()) {
             at += 1;
             step(&mut meter, at, closing, force, 0.0);
-            told.extend(meter.tell());
+            outcomes.extend(meter.take_outcomes());
         }
     }
-    let over: Vec<_> = told.iter().filter(|s| s.is_over).map(|s| &s.record).collect();
+    let over: Vec<_> = outcomes.iter().filter(|s| s.is_finished).map(|s| &s.record).collect();
     assert_eq!(over.len(), 2);
     assert_eq!(over.iter().map(|r| r.number).collect::<Vec<_>>(), [1, 2]);
     // Where it was at its widest before it closed.
-    assert_eq!(over.iter().map(|r| r.began_ns / 1_000_000).collect::<Vec<_>>(), [1, 203]);
+    assert_eq!(over.iter().map(|r| r.start_ns / 1_000_000).collect::<Vec<_>>(), [1, 203]);
     for record in over {
         let back = 0.01 - record.closing;
         assert!((2e-3 - 1e-9..2.2e-3).contains(&back), "{back}");
@@ -97,8 +99,12 @@ fn a_squeeze_is_over_when_the_pair_opens_and_the_next_one_has_its_own_record() {
         assert!((record.compaction_energy - 2.0 * 10.0).abs() < 1e-9, "{record:?}");
         assert!((record.peak_force, record.onset_closing) == (1000.0, 0.0), "{record:?}");
     }
-    // It is told while it closes, from its first 2 mm on.
-    assert!(!told[0].is_over && told[0].record.closing > 2e-3 && told[0].record.closing < 2.2e-3);
+    // It is reported while it closes, from its first 2 mm on.
+    assert!(
+        !outcomes[0].is_finished
+            && outcomes[0].record.closing > 2e-3
+            && outcomes[0].record.closing < 2.2e-3
+    );
 }
 
 #[test]
@@ -110,8 +116,8 @@ fn a_touch_before_the_squeeze_is_not_its_onset() {
         let force = if (20..30).contains(&i) || closing > 0.01 { 500.0 } else { 0.0 };
         step(&mut meter, i, closing, force, 1.0);
     }
-    let told = meter.tell();
-    let record = &told[0].record;
+    let outcomes = meter.take_outcomes();
+    let record = &outcomes[0].record;
     assert_eq!(record.onset_ns, Some(201_000_000));
     assert!((record.onset_closing - 0.0101).abs() < 1e-9, "{}", record.onset_closing);
     // Work of the two tines, from 2 mm on.
@@ -125,15 +131,15 @@ fn vibration_and_travel_along_the_track_are_no_squeeze() {
         // Of another frequency than the period's: an eighth faster.
         step(&mut meter, i, 5e-3 * (i as f64 * 0.1125 * TAU).sin(), 500.0, 0.0);
     }
-    assert_eq!(meter.tell(), []);
+    assert_eq!(meter.take_outcomes(), []);
     let mut meter = SqueezeMeter::new(rule(1));
     for i in 0..100 {
         let at = |x: f64| Vec3::new(x + 0.01 * i as f64, 0.0, 0.0);
         let position = vec![Vec3::zeros(), at(0.0), at(0.5)];
         let report = StepReport { reactions: vec![Reaction::default(); 3], ..Default::default() };
-        meter.take(&model(), &State { position, ..State::default() }, &report);
+        meter.record(&model(), &State { position, ..State::default() }, &report);
     }
-    assert_eq!(meter.tell(), []);
+    assert_eq!(meter.take_outcomes(), []);
 }
 
 #[test]
@@ -145,17 +151,19 @@ fn tines_that_the_ballast_pushes_together_do_not_squeeze_it() {
     for (i, (closing, force)) in bent.chain(squeezed).enumerate() {
         step(&mut meter, i as u64, closing, force, 1.0);
         // 2.09 mm are more than two.
-        assert_eq!(meter.tell().is_empty(), i < 81 + 19, "{i}");
+        assert_eq!(meter.take_outcomes().is_empty(), i < 81 + 19, "{i}");
     }
-    let told = meter.tell();
-    let [SqueezeOutcome { is_over: false, record, .. }] = &told[..] else { panic!("{told:?}") };
-    assert_eq!((record.number, record.began_ns), (1, 81_000_000));
+    let outcomes = meter.take_outcomes();
+    let [SqueezeOutcome { is_finished: false, record, .. }] = &outcomes[..] else {
+        panic!("{outcomes:?}")
+    };
+    assert_eq!((record.number, record.start_ns), (1, 81_000_000));
     assert!((record.compaction_energy - 2.0 * 9.9).abs() < 1e-9, "{record:?}");
     // Pushed for 3 mm, then resisted: it begins where it is no longer pushed.
     let mut meter = SqueezeMeter::new(rule(1));
     for i in 0..100 {
         step(&mut meter, i, i as f64 * 1.1e-4, if i < 28 { -500.0 } else { 1000.0 }, 1.0);
-        assert_eq!(meter.tell().is_empty(), i < 27 + 19, "{i}");
+        assert_eq!(meter.take_outcomes().is_empty(), i < 27 + 19, "{i}");
     }
 }
 
@@ -165,11 +173,11 @@ fn a_long_loop_keeps_its_course_with_fewer_points() {
     for i in 0..5000 {
         let closing = i as f64 * 1e-5;
         step(&mut meter, i, closing, 1e5 * closing, 0.0);
-        for told in meter.tell() {
-            assert!(told.record.loop_points.len() < MAX_LOOP_POINTS);
+        for outcomes in meter.take_outcomes() {
+            assert!(outcomes.record.loop_points.len() < MAX_LOOP_POINTS);
         }
     }
-    let points = &meter.tell()[0].record.loop_points;
+    let points = &meter.take_outcomes()[0].record.loop_points;
     assert!(points.len() >= MAX_LOOP_POINTS / 2);
     assert!(points.iter().all(|[c, f]| (f - 1e5 * c).abs() < 1e-6));
     assert!(points.windows(2).all(|p| p[0][0] < p[1][0]) && points[points.len() - 1][0] > 0.049);
@@ -184,7 +192,7 @@ fn what_is_written_down_goes_on_as_if_never_interrupted() {
         let (force, work) = (3e5 * closing + (i % 7) as f64, 0.1 * (i % 3) as f64);
         step(&mut whole, i, closing, force, work);
         step(&mut broken, i, closing, force, work);
-        assert_eq!(broken.tell(), whole.tell());
+        assert_eq!(broken.take_outcomes(), whole.take_outcomes());
         let mut numbers = SqueezeTrack::encode(&broken.into_tracks());
         let tracks = SqueezeTrack::decode(&numbers).expect("numbers of a track");
         broken = SqueezeMeter::resume(rule(PERIOD), &tracks);
@@ -209,7 +217,7 @@ fn numbers_are_kept_in_their_order() {
         waiting_sum: [14.0, 15.0],
         record: SqueezeRecord {
             number: 16,
-            began_ns: 17,
+            start_ns: 17,
             onset_ns: Some(18),
             onset_closing: 19.0,
             peak_force: 20.0,
@@ -248,7 +256,7 @@ fn what_does_not_fit_is_refused() {
 
 #[test]
 fn a_side_of_two_tines_closes_as_one() {
-    // Two tines come on by 10 mm, the one that faces them stands: 5 mm in the mean of the sides.
+    // Two tines come on by 10 mm, the one that faces them stands: 5 mm averaged over the sides.
     let pair = vec![(1, 1.0), (2, 1.0), (3, -1.0)];
     let closing = |moved: f64| mean_closing(&pair, |d| if d == 3 { 0.5 } else { moved });
     assert!((closing(0.01) - closing(0.0) - 0.005).abs() < 1e-15);

@@ -10,25 +10,25 @@ use crate::state::State;
 /// Mean stress of a zone over the step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Stress {
-    /// `σ`, compression positive, Pa. Symmetric only as far as the grains are in balance of moments.
+    /// Stress tensor `σ`, compression positive, Pa; symmetric if the grains are in balance of moments.
     pub tensor: Mat3,
-    /// `P = tr σ / 3`, Pa.
+    /// Pressure `P = tr σ / 3`, Pa.
     pub pressure: f64,
 }
 
 impl Stress {
-    /// `q = sqrt(3/2) ‖dev σ‖`, Pa: the difference of stresses in a triaxial test.
+    /// Deviatoric stress `q = sqrt(3/2) ‖dev σ‖`, Pa: the stress difference of a triaxial test.
     pub fn deviator(&self) -> f64 {
         let symmetric = (self.tensor + self.tensor.transpose()) / 2.0;
         (symmetric - Mat3::identity() * self.pressure).norm() * 1.5f64.sqrt()
     }
 }
 
-/// Love-Weber stress of a zone (T-23).
+/// Computes the Love-Weber stress of a zone (T-23).
 ///
 /// A contact's impulse runs along the legs from its point to the two bodies; each leg counts with
 /// the length that lies inside the zone, so a force chain through the zone counts exactly once
-/// wherever its grains sit. Bodies and points are where the step has brought them; zero where no step has made contacts.
+/// wherever its grains are. Bodies and points are at their end-of-step positions. Zero without contacts.
 pub fn stress(model: &Model, state: &State, zone: &Zone) -> Stress {
     let contacts = &state.contacts;
     let position = |b: u32| &state.position[b as usize];
@@ -41,7 +41,7 @@ pub fn stress(model: &Model, state: &State, zone: &Zone) -> Stress {
             let [candidate, antagonist] = contacts.bodies[k];
             let point = &state.pose(candidate as usize).point(&contacts.local_point[k]);
             let mut branch = inside(&zone.region, point, position(candidate));
-            // A driven body has no share in the volume of the grains.
+            // A driven body is not part of the volume of the grains.
             if (antagonist as usize) < model.grains.len() {
                 branch += inside(&zone.region, position(antagonist), point);
             }
@@ -54,7 +54,7 @@ pub fn stress(model: &Model, state: &State, zone: &Zone) -> Stress {
     Stress { tensor, pressure: tensor.trace() / 3.0 }
 }
 
-/// The part of the vector from `a` to `b` inside the box.
+/// Returns the part of the vector from `a` to `b` inside the box.
 fn inside(region: &AxisBox, a: &Vec3, b: &Vec3) -> Vec3 {
     let along = b - a;
     let (mut from, mut to) = (0.0f64, 1.0f64);

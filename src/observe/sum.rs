@@ -1,14 +1,13 @@
 //! Parallel sums in a fixed order.
 //!
-//! Chunks have a fixed length and are added one after the other: how threads share them cannot
-//! change a bit of the result.
+//! Chunks have a fixed length and are added in order, so the result has the same bits for any number of threads.
 
 use rayon::prelude::*;
 use std::ops::{Add, Range};
 
 const CHUNK: usize = 1024;
 
-/// Sum of `chunk` over `0..count`, given in ranges of at most 1024.
+/// Returns the sum of `chunk` over `0..count`, in ranges of at most 1024.
 pub(super) fn in_chunks<T, F>(count: usize, zero: T, chunk: F) -> T
 where
     T: Add<Output = T> + Send,

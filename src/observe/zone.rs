@@ -4,15 +4,17 @@ use crate::error::{Error, Result};
 use crate::geometry::AxisBox;
 use crate::math::Vec3;
 
-/// A box along the axes of the world, with a name for reports.
+/// Named box along the world axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Zone {
+    /// Name in reports and files.
     pub name: String,
+    /// Region of the zone.
     pub region: AxisBox,
 }
 
 impl Zone {
-    /// The zone between two corners (m).
+    /// Creates the zone between two corners, m.
     ///
     /// # Errors
     /// [`Error::Model`] unless `low < high` in each coordinate, all finite.

@@ -11,7 +11,7 @@ use crate::source::ReportSource;
 use crate::squeezes::squeezes;
 use ballast::math::{Pose, Vec3};
 use ballast::model::{PartitionRule, Role, Solver};
-use ballast::observe::{SqueezeOutcome, TOUCH};
+use ballast::observe::{MIN_CONTACT_FORCE, SqueezeOutcome};
 use ballast::track::TampingPhase;
 use ballast_session::Result;
 use ballast_session::record::Column;
@@ -241,7 +241,7 @@ fn forces(source: &ReportSource, squeezes: &[SqueezeOutcome], page: &mut HtmlPag
             "One point per vibration period (28 ms without vibration) or per few periods: mean force of a side along x over its \
              mean closing. A squeeze lasts from the widest position of a pair before it closes until it opens again. \
              Compaction energy is the area under the loop while closing, both sides; work includes all directions and the \
-             vibration. Onset: first time with a mean force of a side above {TOUCH} N."
+             vibration. Onset: first time with a mean force of a side above {MIN_CONTACT_FORCE} N."
         ));
     }
     for table in &summary_text::tables(&source.summary)[2..4] {

@@ -20,14 +20,14 @@ pub fn squeezes(
     let h = model.stepping.h();
     for row in rows {
         let time_ns = (row.get(Column::Time) * 1e9).round() as u64;
-        meter.follow(time_ns, h, |d| {
+        meter.record_step(time_ns, h, |d| {
             let place = tracked.iter().position(|f| f.driven == d);
             place.map_or_else(TineStep::default, |i| TineStep {
-                place: row.position(i)[0],
+                position: row.position(i)[0],
                 impulse: row.force(i)[0] * h,
                 work: row.work(i),
             })
         });
     }
-    Ok(meter.tell())
+    Ok(meter.take_outcomes())
 }

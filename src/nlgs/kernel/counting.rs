@@ -1,19 +1,19 @@
-//! Lanes that count what is done with them: how much arithmetic a visit is.
+//! Lanes that count their operations, to measure the arithmetic of a visit.
 //!
-//! Values carry nothing but themselves, so the count is the thread's. No result depends on it.
+//! The count belongs to the thread. No result depends on it.
 
 use crate::lanes::{BodyVelocity, LANES, Lanes, Portable};
 use std::cell::Cell;
 use std::ops::AddAssign;
 
-/// OperationCounts on rows of eight f64; comparisons, selections and conversions are not counted.
+/// Numbers of operations on rows of eight f64; comparisons, selections and conversions are not counted.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct OperationCounts {
     /// Additions, subtractions and multiplications.
     pub plain: u64,
-    /// HistoryProducts with a sum, rounded once.
+    /// Fused multiply-adds.
     pub fused: u64,
-    /// DivisionPass and square roots.
+    /// Divisions and square roots.
     pub divisions: u64,
 }
 
@@ -26,7 +26,7 @@ impl AddAssign for OperationCounts {
 }
 
 impl OperationCounts {
-    /// OperationCounts on single f64: a fused one is two, a division or root is one.
+    /// Number of operations on single f64: a fused one counts as two, a division or root as one.
     pub fn flops(&self) -> u64 {
         LANES as u64 * (self.plain + 2 * self.fused + self.divisions)
     }
@@ -36,14 +36,14 @@ thread_local! {
     static COUNTS: Cell<OperationCounts> = const { Cell::new(OperationCounts { plain: 0, fused: 0, divisions: 0 }) };
 }
 
-/// What `work` does on this thread with [`CountingLanes`] lanes.
+/// Counts the operations of `work` on this thread with [`CountingLanes`].
 pub fn count_operations(work: impl FnOnce()) -> OperationCounts {
     COUNTS.set(OperationCounts::default());
     work();
     COUNTS.get()
 }
 
-/// Plain lanes whose arithmetic is counted.
+/// Portable lanes whose arithmetic is counted.
 #[derive(Clone, Copy)]
 pub struct CountingLanes(Portable);
 
@@ -157,7 +157,8 @@ mod tests {
         set.sweep(1.0);
         twin.sweep(1.0);
         assert_eq!(set.lines, twin.lines);
-        let (flops, lanes) = (operations.flops() as f64, set.contact_count() as f64 / set.fill());
+        let (flops, lanes) =
+            (operations.flops() as f64, set.contact_count() as f64 / set.fill_ratio());
         assert!((150.0..1000.0).contains(&(flops / lanes)), "{} per lane", flops / lanes);
         assert!(
             operations.fused > operations.plain / 2 && operations.divisions > 0,

@@ -1,22 +1,25 @@
-//! How a block of contacts sees and moves its grains: `u = Hᵀ V + c` and `V += M⁻¹ H Δr`.
+//! Coupling of a block of contacts with its bodies: `u = Hᵀ V + c` and `V += M⁻¹ H Δr`.
 
 use crate::lanes::{BodyVelocity, Lanes, each};
 use crate::nlgs::block::{LawRows, PairBlock, Row64, SingleBlock};
 
-/// Eight contacts of one kind, and how they see and move their grains.
+/// Block of eight contacts of one kind with its coupling to the bodies.
 pub trait ContactBlock {
-    /// The grains' lines and what was computed on reading them.
+    /// Velocities of the bodies, and axes computed on reading them.
     type Gathered<L: Lanes>;
 
+    /// Returns the contact laws.
     fn law(&self) -> &LawRows;
+    /// Returns the impulses (n, t, s), N s.
     fn impulse(&self) -> &[Row64; 3];
-    fn outcome(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]);
-    /// Reads the lines; second, the relative velocities `u`.
+    /// Returns the data that a visit writes: impulses and slip.
+    fn result_mut(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]);
+    /// Gathers the velocities of the bodies; also returns the relative velocities `u`.
     ///
     /// # Safety
     /// The indices in the block are below the number of lines.
     unsafe fn read<L: Lanes>(&self, lines: &[BodyVelocity]) -> (Self::Gathered<L>, [L; 3]);
-    /// Adds the velocities that the impulses `delta` cause, and writes the lines.
+    /// Adds the effect of the impulses `delta` to the velocities, and scatters them.
     ///
     /// # Safety
     /// The indices in the block are below the number of lines.
@@ -28,13 +31,14 @@ pub trait ContactBlock {
     );
 }
 
+/// Contact axes n, t, s of eight contacts.
 pub type Axes<L> = [[L; 3]; 3];
 
 #[inline(always)]
 fn load_axes<L: Lanes>(normal: &[[f32; 8]; 3], tangent: &[[f32; 8]; 3]) -> Axes<L> {
     let n = each!(J in 3 => L::load32(&normal[J]));
     let t = each!(J in 3 => L::load32(&tangent[J]));
-    // HistoryProducts of two f32 are exact: rounded once, like the plain cross product.
+    // Products of two f32 are exact: rounded once, like the plain cross product.
     [n, t, [cross(&n, &t, 1, 2), cross(&n, &t, 2, 0), cross(&n, &t, 0, 1)]]
 }
 
@@ -54,16 +58,16 @@ fn arm_dot<L: Lanes>(arms: &[[f32; 8]; 9], axis: usize, line: &[L; 8], plus: L) 
     dot(&arm, [line[3], line[4], line[5]], plus)
 }
 
-/// Component `j` of the whitened spin with what the impulses `delta` add.
+/// Component `j` of the whitened angular velocity plus the effect of the impulses `delta`.
 #[inline(always)]
-fn turn<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3], plus: L) -> L {
+fn add_rotation<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3], plus: L) -> L {
     let axis = each!(K in 3 => L::load32(&arms[3 * K + j]));
     dot(&axis, *delta, plus)
 }
 
-/// The same with what they take away.
+/// Component `j` of the whitened angular velocity minus the effect of the impulses `delta`.
 #[inline(always)]
-fn turn_back<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3], from: L) -> L {
+fn subtract_rotation<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3], from: L) -> L {
     let axis = each!(K in 3 => L::load32(&arms[3 * K + j]));
     let [a, b, c] = axis;
     c.neg_mul_add(delta[2], b.neg_mul_add(delta[1], a.neg_mul_add(delta[0], from)))
@@ -71,7 +75,7 @@ fn turn_back<L: Lanes>(arms: &[[f32; 8]; 9], j: usize, delta: &[L; 3], from: L) 
 
 /// Component `j` of the world impulse.
 #[inline(always)]
-fn force<L: Lanes>(axes: &Axes<L>, j: usize, delta: &[L; 3]) -> L {
+fn world_component<L: Lanes>(axes: &Axes<L>, j: usize, delta: &[L; 3]) -> L {
     axes[2][j].mul_add(delta[2], axes[1][j].mul_add(delta[1], axes[0][j].mul(delta[0])))
 }
 
@@ -87,7 +91,7 @@ impl ContactBlock for PairBlock {
         &self.impulse
     }
     #[inline(always)]
-    fn outcome(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]) {
+    fn result_mut(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]) {
         (&mut self.impulse, &mut self.law.slip)
     }
     #[inline(always)]
@@ -114,11 +118,11 @@ impl ContactBlock for PairBlock {
     ) {
         let (axes, mut c, mut a) = gathered;
         for j in 0..3 {
-            let f = force(&axes, j, delta);
+            let f = world_component(&axes, j, delta);
             c[j] = f.mul_add(c[6], c[j]);
             a[j] = f.neg_mul_add(a[6], a[j]);
-            c[3 + j] = turn(&self.candidate_arms, j, delta, c[3 + j]);
-            a[3 + j] = turn_back(&self.antagonist_arms, j, delta, a[3 + j]);
+            c[3 + j] = add_rotation(&self.candidate_arms, j, delta, c[3 + j]);
+            a[3 + j] = subtract_rotation(&self.antagonist_arms, j, delta, a[3 + j]);
         }
         // SAFETY: the caller's.
         unsafe {
@@ -140,7 +144,7 @@ impl ContactBlock for SingleBlock {
         &self.impulse
     }
     #[inline(always)]
-    fn outcome(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]) {
+    fn result_mut(&mut self) -> (&mut [Row64; 3], &mut [f32; 8]) {
         (&mut self.impulse, &mut self.law.slip)
     }
     #[inline(always)]
@@ -163,8 +167,8 @@ impl ContactBlock for SingleBlock {
     ) {
         let (axes, mut line) = gathered;
         for j in 0..3 {
-            line[j] = force(&axes, j, delta).mul_add(line[6], line[j]);
-            line[3 + j] = turn(&self.arms, j, delta, line[3 + j]);
+            line[j] = world_component(&axes, j, delta).mul_add(line[6], line[j]);
+            line[3 + j] = add_rotation(&self.arms, j, delta, line[3 + j]);
         }
         // SAFETY: the caller's.
         unsafe { L::scatter(line, lines, &self.grain) };

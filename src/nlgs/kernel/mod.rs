@@ -1,4 +1,4 @@
-//! The passes over the blocks of a set: sweep, measured sweep, application of impulses, natural map.
+//! Passes over the blocks of a set: sweep, measured sweep, application of impulses, natural map.
 //!
 //! Reads: blocks. Writes: lines and impulses. Cost: about 160 bytes of memory traffic per visit.
 //! Contract: the same bits from every [`InstructionSet`].
@@ -23,7 +23,7 @@ use passes::{
     ReplaceImpulses, SweepPass,
 };
 
-/// Some of the blocks: singles and pairs.
+/// Subset of the blocks: indices of singles and of pairs, ascending.
 #[derive(Debug, Clone, Default)]
 pub struct BlockSubset([Vec<u32>; 2]);
 
@@ -32,26 +32,26 @@ pub struct BlockSubset([Vec<u32>; 2]);
 pub struct Blocks {
     singles: Vec<SingleBlock>,
     pairs: Vec<PairBlock>,
-    /// Singles and pairs of which a contact carried an impulse when [`Blocks::update_active`] looked.
+    /// Singles and pairs with an impulse at the last [`Blocks::update_active`].
     active: [Vec<u32>; 2],
-    /// Whether each of the singles and of the pairs shares no grain with the one after it: the two may be visited at once.
-    apart: [Vec<bool>; 2],
-    /// Lines of grains; the spare line of padding comes after them.
+    /// True for each of the singles and of the pairs that shares no body with the next: both may be visited at once.
+    disjoint_from_next: [Vec<bool>; 2],
+    /// Number of lines of bodies; the spare line of padding follows.
     line_count: u32,
 }
 
 impl Blocks {
-    /// Empties the blocks; from now on they refer to `line_count` lines and a spare one.
+    /// Empties the blocks and sets the number of lines without the spare one.
     pub fn reset(&mut self, line_count: usize) {
         assert!(line_count < u32::MAX as usize, "more lines than indices");
         self.singles.clear();
         self.pairs.clear();
         self.active.iter_mut().for_each(Vec::clear);
-        self.apart.iter_mut().for_each(Vec::clear);
+        self.disjoint_from_next.iter_mut().for_each(Vec::clear);
         self.line_count = line_count as u32;
     }
 
-    /// Appends a block of contacts with driven bodies: contact and line per lane, or nothing.
+    /// Appends a block of contacts with driven bodies: contact and line per lane, or `None`.
     pub fn push_single<'c>(&mut self, lane: impl Fn(usize) -> Option<(&'c LocalContact, u32)>) {
         let mut block = SingleBlock::empty(self.line_count);
         for i in 0..8 {
@@ -61,11 +61,14 @@ impl Blocks {
             }
         }
         let before = self.singles.last().map(|before| before.grain);
-        self.follow(0, before.is_some_and(|before| self.are_disjoint(&before, &block.grain)));
+        self.push_disjoint(
+            0,
+            before.is_some_and(|before| self.are_disjoint(&before, &block.grain)),
+        );
         self.singles.push(block);
     }
 
-    /// Appends a block of contacts between grains: contact and lines per lane, or nothing.
+    /// Appends a block of contacts between grains: contact and lines per lane, or `None`.
     pub fn push_pair<'c>(&mut self, lane: impl Fn(usize) -> Option<(&'c LocalContact, [u32; 2])>) {
         let mut block = PairBlock::empty(self.line_count);
         for i in 0..8 {
@@ -79,22 +82,22 @@ impl Blocks {
         let is_disjoint_from_next = |before: [[u32; LANES]; 2]| {
             self.are_disjoint(before.as_flattened(), grains(&block).as_flattened())
         };
-        self.follow(1, before.is_some_and(is_disjoint_from_next));
+        self.push_disjoint(1, before.is_some_and(is_disjoint_from_next));
         self.pairs.push(block);
     }
 
-    /// A block of this kind follows, `apart` from the one before.
-    fn follow(&mut self, kind: usize, apart: bool) {
-        if let Some(before) = self.apart[kind].last_mut() {
-            *before = apart;
+    /// Records if the next block of a kind is disjoint from the one before.
+    fn push_disjoint(&mut self, kind: usize, is_disjoint: bool) {
+        if let Some(before) = self.disjoint_from_next[kind].last_mut() {
+            *before = is_disjoint;
         }
-        self.apart[kind].push(false);
+        self.disjoint_from_next[kind].push(false);
     }
 
-    /// Whether two blocks have no line in common but the spare one.
+    /// Returns true if two blocks share no line but the spare one.
     fn are_disjoint(&self, one: &[u32], other: &[u32]) -> bool {
-        // Without a branch within: compared many at a time.
-        let has_not = |line: u32| other.iter().fold(true, |apart, &o| apart & (o != line));
+        // Branchless, so that it is vectorised.
+        let has_not = |line: u32| other.iter().fold(true, |disjoint, &o| disjoint & (o != line));
         one.iter().all(|&line| line == self.line_count || has_not(line))
     }
 
@@ -102,7 +105,7 @@ impl Blocks {
         assert!(line < self.line_count, "line {line} of {}", self.line_count);
     }
 
-    /// Blocks of contacts with driven bodies; swept first.
+    /// Blocks of contacts with driven bodies, which are swept first.
     pub fn singles(&self) -> &[SingleBlock] {
         &self.singles
     }
@@ -112,7 +115,7 @@ impl Blocks {
         &self.pairs
     }
 
-    /// Lines that a pass needs, the spare one included.
+    /// Number of lines that a pass needs, including the spare one.
     pub fn lines_needed(&self) -> usize {
         self.line_count as usize + 1
     }
@@ -128,7 +131,7 @@ impl Blocks {
         relaxation: f64,
     ) -> SweepPass<'a, AllBlocks<'a>> {
         self.check_lines(lines);
-        let choice = self.apart.each_ref().map(|apart| AllBlocks(apart));
+        let choice = self.disjoint_from_next.each_ref().map(|disjoint| AllBlocks(disjoint));
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
         SweepPass { singles, pairs, choice, lines, relaxation }
     }
@@ -145,7 +148,7 @@ impl Blocks {
         unsafe { run(arithmetic, pass) }
     }
 
-    /// Visits the contacts of the blocks that are active.
+    /// Visits the contacts of the active blocks.
     pub fn sweep_active(
         &mut self,
         arithmetic: InstructionSet,
@@ -153,10 +156,10 @@ impl Blocks {
         relaxation: f64,
     ) {
         self.check_lines(lines);
-        let [of_singles, of_pairs] = &self.apart;
+        let [of_singles, of_pairs] = &self.disjoint_from_next;
         let choice = [
-            ActiveBlocks { blocks: &self.active[0], apart: of_singles },
-            ActiveBlocks { blocks: &self.active[1], apart: of_pairs },
+            ActiveBlocks { blocks: &self.active[0], disjoint_from_next: of_singles },
+            ActiveBlocks { blocks: &self.active[1], disjoint_from_next: of_pairs },
         ];
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
         let pass = PlainSweep(SweepPass { singles, pairs, choice, lines, relaxation });
@@ -164,26 +167,26 @@ impl Blocks {
         unsafe { run(arithmetic, pass) }
     }
 
-    /// Looks which blocks carry an impulse: these are active until the next time.
+    /// Updates the active blocks: those with an impulse.
     pub fn update_active(&mut self) {
-        fn look<'b>(active: &mut Vec<u32>, normal: impl Iterator<Item = &'b Row64>) {
+        fn update<'b>(active: &mut Vec<u32>, normal: impl Iterator<Item = &'b Row64>) {
             let carries = |row: &Row64| row.iter().any(|&r| r != 0.0);
             active.clear();
             active.extend((0u32..).zip(normal).filter(|(_, row)| carries(row)).map(|(i, _)| i));
         }
         let [singles, pairs] = &mut self.active;
-        look(singles, self.singles.iter().map(|b| &b.impulse[0]));
-        look(pairs, self.pairs.iter().map(|b| &b.impulse[0]));
+        update(singles, self.singles.iter().map(|b| &b.impulse[0]));
+        update(pairs, self.pairs.iter().map(|b| &b.impulse[0]));
     }
 
-    /// The blocks that are active, numbered in the order of a sweep.
+    /// Returns the active blocks, numbered in the order of a sweep.
     pub fn active(&self) -> impl Iterator<Item = usize> + '_ {
         self.numbers(&self.active)
     }
 
-    /// The chosen blocks, numbered in the order of a sweep.
-    pub fn numbers_of<'a>(&'a self, chosen: &'a BlockSubset) -> impl Iterator<Item = usize> + 'a {
-        self.numbers(&chosen.0)
+    /// Returns the blocks of a subset, numbered in the order of a sweep.
+    pub fn numbers_of<'a>(&'a self, subset: &'a BlockSubset) -> impl Iterator<Item = usize> + 'a {
+        self.numbers(&subset.0)
     }
 
     fn numbers<'a>(&self, some: &'a [Vec<u32>; 2]) -> impl Iterator<Item = usize> + use<'a> {
@@ -191,7 +194,7 @@ impl Blocks {
         singles.iter().map(|&i| i as usize).chain(pairs.iter().map(move |&i| before + i as usize))
     }
 
-    /// The same visits with the same bits, and their norms.
+    /// Makes a sweep with the same bits, and returns the norms of its visits.
     pub fn measured_sweep(
         &mut self,
         arithmetic: InstructionSet,
@@ -203,15 +206,15 @@ impl Blocks {
         unsafe { run(arithmetic, pass) }
     }
 
-    /// A sweep that counts its operations on lanes, on copies: nothing is changed.
+    /// Counts the lane operations of a sweep, which is made on copies.
     pub fn count(&self, lines: &[BodyVelocity], relaxation: f64) -> OperationCounts {
         let (mut blocks, mut lines) = (self.clone(), lines.to_vec());
         let pass = PlainSweep(blocks.as_sweep(&mut lines, relaxation));
-        // SAFETY: indices were checked by `push_*`, lines by `as_sweep`; the type needs no instructions of its own.
+        // SAFETY: indices were checked by `push_*`, lines by `as_sweep`; the lanes need no special instructions.
         counting::count_operations(|| unsafe { pass.run::<counting::CountingLanes>() })
     }
 
-    /// Adds to the lines what the impulses cause: `V += M⁻¹ H r`.
+    /// Adds the effect of the impulses to the velocities: `V += M⁻¹ H r`.
     pub fn apply_impulses(&self, arithmetic: InstructionSet, lines: &mut [BodyVelocity]) {
         self.check_lines(lines);
         let pass = ApplyImpulses { singles: &self.singles, pairs: &self.pairs, lines };
@@ -219,37 +222,36 @@ impl Blocks {
         unsafe { run(arithmetic, pass) }
     }
 
-    /// The blocks that are active, to be kept.
-    pub fn copy_active_blocks(&self, chosen: &mut BlockSubset) {
-        for (to, from) in chosen.0.iter_mut().zip(&self.active) {
+    /// Copies the active blocks to `subset`.
+    pub fn copy_active_blocks(&self, subset: &mut BlockSubset) {
+        for (to, from) in subset.0.iter_mut().zip(&self.active) {
             to.clone_from(from);
         }
     }
 
-    /// Laws and impulses of the chosen blocks.
-    pub fn chosen<'a>(
+    /// Returns laws and impulses of a subset.
+    pub fn subset<'a>(
         &'a self,
-        chosen: &'a BlockSubset,
+        subset: &'a BlockSubset,
     ) -> impl Iterator<Item = (&'a LawRows, &'a [Row64; 3])> {
-        let [singles, pairs] = &chosen.0;
+        let [singles, pairs] = &subset.0;
         let single = |&i: &u32| (&self.singles[i as usize].law, &self.singles[i as usize].impulse);
         let pair = |&i: &u32| (&self.pairs[i as usize].law, &self.pairs[i as usize].impulse);
         singles.iter().map(single).chain(pairs.iter().map(pair))
     }
 
-    /// Gives the chosen blocks the impulses of their cones nearest to `impulses`, block after block, and the
-    /// lines what the change causes. They are active from now on: what has just been pushed is to be looked at.
+    /// Sets the impulses of a subset to the projections of `impulses` on their cones, and updates the velocities.
     ///
-    /// Tells whether one was not.
+    /// Activates the subset, because changed impulses need visits; returns true if a block was inactive.
     pub fn replace_impulses(
         &mut self,
         arithmetic: InstructionSet,
-        chosen: &BlockSubset,
+        subset: &BlockSubset,
         impulses: &[[Row64; 3]],
         lines: &mut [BodyVelocity],
     ) -> bool {
         self.check_lines(lines);
-        let choice = chosen.0.each_ref().map(Vec::as_slice);
+        let choice = subset.0.each_ref().map(Vec::as_slice);
         assert_eq!(
             impulses.len(),
             choice[0].len() + choice[1].len(),
@@ -259,48 +261,48 @@ impl Blocks {
         let pass = ReplaceImpulses { singles, pairs, choice, impulses, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
-        self.activate(chosen)
+        self.activate(subset)
     }
 
-    /// Goes on from the present impulses of the chosen blocks by `share` of the way that led there (T-37), within
-    /// their cones; the lines follow. They are active from now on.
+    /// Moves the impulses of a subset along their search direction by the factor `beta` (T-37), within their cones,
+    /// and updates the velocities.
     ///
-    /// Tells whether one was not.
+    /// Activates the subset; returns true if a block was inactive.
     pub fn extrapolate(
         &mut self,
         arithmetic: InstructionSet,
-        chosen: &BlockSubset,
+        subset: &BlockSubset,
         memories: &mut [NncgBlock],
-        share: f64,
+        beta: f64,
         lines: &mut [BodyVelocity],
     ) -> bool {
         self.check_lines(lines);
-        let choice = chosen.0.each_ref().map(Vec::as_slice);
+        let choice = subset.0.each_ref().map(Vec::as_slice);
         assert_eq!(memories.len(), choice[0].len() + choice[1].len(), "one memory per block");
         let (singles, pairs) = (&mut self.singles, &mut self.pairs);
-        let pass = Extrapolate { singles, pairs, choice, memories, share, lines };
+        let pass = Extrapolate { singles, pairs, choice, memories, beta, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
-        self.activate(chosen)
+        self.activate(subset)
     }
 
-    /// Wakes the chosen blocks; tells whether one was not active.
-    fn activate(&mut self, chosen: &BlockSubset) -> bool {
-        let mut roused = false;
-        for (active, chosen) in self.active.iter_mut().zip(&chosen.0) {
-            // Both ascend.
+    /// Activates a subset; returns true if a block was inactive.
+    fn activate(&mut self, subset: &BlockSubset) -> bool {
+        let mut has_new = false;
+        for (active, subset) in self.active.iter_mut().zip(&subset.0) {
+            // Both lists ascend.
             let mut rest = active.iter();
-            if !chosen.iter().all(|i| rest.any(|j| j == i)) {
-                active.extend(chosen);
+            if !subset.iter().all(|i| rest.any(|j| j == i)) {
+                active.extend(subset);
                 active.sort_unstable();
                 active.dedup();
-                roused = true;
+                has_new = true;
             }
         }
-        roused
+        has_new
     }
 
-    /// NormSums of the natural map at the present impulses and velocities.
+    /// Computes the sums of the natural map at the current impulses and velocities.
     pub fn natural_map(
         &self,
         arithmetic: InstructionSet,
@@ -319,7 +321,7 @@ mod tests {
     use crate::nlgs::lattice_scene::LatticeScene;
 
     #[test]
-    fn blocks_that_are_visited_at_once_share_no_grain() {
+    fn blocks_that_are_visited_at_once_share_no_body() {
         let problem = LatticeScene::grid([6, 5, 4], 3, 0.2, 11).problem;
         let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
         let mut set = ContactSet::default();
@@ -328,7 +330,7 @@ mod tests {
         let singles: Vec<Vec<u32>> = blocks.singles.iter().map(|b| b.grain.to_vec()).collect();
         let pairs = blocks.pairs.iter().map(|b| [b.candidate, b.antagonist].concat()).collect();
         let mut counts = [0; 2];
-        for (grains, apart) in [singles, pairs].iter().zip(&blocks.apart) {
+        for (grains, apart) in [singles, pairs].iter().zip(&blocks.disjoint_from_next) {
             assert_eq!(apart.len(), grains.len());
             assert!(!apart[grains.len() - 1]);
             for (two, &is_disjoint_from_next) in grains.windows(2).zip(apart) {

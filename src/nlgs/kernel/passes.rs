@@ -1,4 +1,4 @@
-//! Passes over blocks, written once for all arithmetics.
+//! Passes over blocks, generic over the instruction set.
 
 use super::coupling::{ContactBlock, dot};
 use crate::lanes::{BodyVelocity, Lanes, VelocityKernel, each, prefetch_at};
@@ -6,7 +6,7 @@ use crate::nlgs::block::{NncgBlock, PairBlock, Row64, SingleBlock};
 use crate::nlgs::local_solve::{self, LawLanes, LocalSolve};
 use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
 
-/// What a sweep takes down of its visits.
+/// Recorder of the visits of a sweep.
 trait SweepRecorder<L: Lanes>: Copy {
     fn none() -> Self;
     fn visit(&mut self, law: &LawLanes<L>, change: &[L; 3], r: &[L; 3]);
@@ -24,7 +24,7 @@ impl<L: Lanes> SweepRecorder<L> for () {
     }
 }
 
-/// Lane by lane sums of a measured sweep, in the order of [`VisitNorms`]' fields but the last.
+/// Lane-wise sums of a measured sweep, in the order of the fields of [`VisitNorms`] without the last.
 #[derive(Clone, Copy)]
 struct NormSums<L>([L; 7]);
 
@@ -74,34 +74,37 @@ impl<L: Lanes> SweepRecorder<L> for NormSums<L> {
     }
 }
 
-/// Blocks that are asked for before their turn. They come in order, but each is a third of a page, at
-/// whose end the processor's own prefetching stops: a quarter to a half is gained out of cache.
+/// Prefetch distance in blocks.
+///
+/// Blocks are read in order, but each is a third of a page, at whose end hardware prefetching stops. Prefetching saves a
+/// quarter to a half of the time of a sweep out of cache.
 const PREFETCH_DISTANCE: usize = 6;
 
-/// Asks for a block; its number may be anything.
+/// Prefetches a block; its number may be out of range.
 #[inline(always)]
-fn expect<B>(blocks: &[B], number: usize) {
+fn prefetch_block<B>(blocks: &[B], number: usize) {
     prefetch_at(blocks.as_ptr().wrapping_add(number).cast(), size_of::<B>());
 }
 
-/// The `k`-th of some numbers of blocks; any number if `k` is too large.
+/// Returns the `k`-th block number; zero if `k` is out of range.
 #[inline(always)]
-fn number(of: &[u32], k: usize) -> usize {
+fn block_number(of: &[u32], k: usize) -> usize {
     of.get(k).map_or(0, |&i| i as usize)
 }
 
-/// The blocks that a sweep visits, in ascending order.
+/// Selection of the blocks of a sweep, in ascending order.
 pub trait BlockSelection {
-    /// Whether many of them are likely to carry nothing: then it pays to look before the law is solved.
+    /// True if many of the blocks are likely inactive, so that a test before the local solve pays.
     const MOSTLY_INACTIVE: bool;
+    /// Number of selected blocks.
     fn count(&self) -> usize;
-    /// The `k`-th of them; any number if `k` is too large.
+    /// Returns the number of the `k`-th block; any number if `k` is out of range.
     fn block(&self, k: usize) -> usize;
-    /// Whether there is a next one, which shares no grain with the `k`-th.
+    /// Returns true if there is a next block, which shares no body with the `k`-th.
     fn is_disjoint_from_next(&self, k: usize) -> bool;
 }
 
-/// All blocks; whether each shares no grain with the one after it.
+/// Selection of all blocks, with the flags of those that share no body with the next.
 pub struct AllBlocks<'a>(pub &'a [bool]);
 
 impl BlockSelection for AllBlocks<'_> {
@@ -120,11 +123,12 @@ impl BlockSelection for AllBlocks<'_> {
     }
 }
 
-/// Some of the blocks.
+/// Selection of the active blocks.
 pub struct ActiveBlocks<'a> {
+    /// Numbers of the selected blocks.
     pub blocks: &'a [u32],
-    /// Of all blocks, as in [`AllBlocks`].
-    pub apart: &'a [bool],
+    /// Flags of all blocks, as in [`AllBlocks`].
+    pub disjoint_from_next: &'a [bool],
 }
 
 impl BlockSelection for ActiveBlocks<'_> {
@@ -135,25 +139,25 @@ impl BlockSelection for ActiveBlocks<'_> {
     }
     #[inline(always)]
     fn block(&self, k: usize) -> usize {
-        number(self.blocks, k)
+        block_number(self.blocks, k)
     }
     #[inline(always)]
     fn is_disjoint_from_next(&self, k: usize) -> bool {
         let i = self.block(k);
-        // Of others it is not known.
-        self.block(k + 1) == i + 1 && self.apart[i]
+        // The flag is known for consecutive blocks only.
+        self.block(k + 1) == i + 1 && self.disjoint_from_next[i]
     }
 }
 
-/// Where an impulse is not zero, or not a number.
+/// Lanes whose impulse is not zero, or NaN.
 #[inline(always)]
-fn carries<L: Lanes>(r: &[L; 3]) -> L::Mask {
+fn has_impulse<L: Lanes>(r: &[L; 3]) -> L::Mask {
     let zero = L::splat(0.0);
     let size = r[0].abs().add(r[1].abs().add(r[2].abs()));
     L::and_not(zero.le(zero), size.le(zero))
 }
 
-/// A block as a visit finds it.
+/// Block loaded for a visit, with its relative velocities and impulses.
 struct LoadedBlock<L: Lanes, B: ContactBlock> {
     gathered: B::Gathered<L>,
     u: [L; 3],
@@ -173,18 +177,18 @@ impl<L: Lanes, B: ContactBlock> LoadedBlock<L, B> {
         Self { gathered, u, r, law, approach }
     }
 
-    /// Open contacts that stay open: nothing would change.
+    /// Returns true if all contacts are open and stay open, so that a visit changes nothing.
     #[inline(always)]
-    fn rests(&self) -> bool {
-        !L::any(L::or(self.approach.1, carries(&self.r)))
+    fn stays_open(&self) -> bool {
+        !L::any(L::or(self.approach.1, has_impulse(&self.r)))
     }
 
     #[inline(always)]
     fn visit(&self, block: &B) -> LocalSolve<L> {
-        LocalSolve::begin(&self.law, self.approach, &self.u, &self.r, &block.law().slip)
+        LocalSolve::start(&self.law, self.approach, &self.u, &self.r, &block.law().slip)
     }
 
-    /// Ends the visit: impulses and lines are changed by what it has found, relaxed.
+    /// Ends the visit: applies the relaxed result to impulses and velocities.
     #[inline(always)]
     unsafe fn end<R: SweepRecorder<L>>(
         self,
@@ -194,18 +198,18 @@ impl<L: Lanes, B: ContactBlock> LoadedBlock<L, B> {
         relaxation: L,
         record: &mut R,
     ) {
-        let (impulse, slip) = block.outcome();
+        let (impulse, slip) = block.result_mut();
         let closed = self.approach.1;
-        let solved = visit.end(&self.law, slip);
+        let solved = visit.finish(&self.law, slip);
         let change = each!(K in 3 => solved[K].sub(self.r[K]));
-        // What opens loses all of its impulse: a share would stay on a contact that moves apart, and never quite be gone.
-        let share = L::select(closed, relaxation, L::splat(1.0));
-        let delta = each!(K in 3 => share.mul(change[K]));
+        // An opening contact loses its whole impulse: a relaxed remainder would never vanish from a separating contact.
+        let factor = L::select(closed, relaxation, L::splat(1.0));
+        let delta = each!(K in 3 => factor.mul(change[K]));
         let after = each!(K in 3 => self.r[K].add(delta[K]));
         for k in 0..3 {
             after[k].store(&mut impulse[k]);
         }
-        // Not what is done of it: a relaxed visit is no better solved.
+        // The unrelaxed change: relaxation does not reduce the residual.
         record.visit(&self.law, &change, &after);
         // SAFETY: the caller's.
         unsafe { block.push(self.gathered, &delta, lines) };
@@ -222,20 +226,20 @@ unsafe fn sweep_blocks<L: Lanes, B: ContactBlock, R: SweepRecorder<L>, C: BlockS
 ) {
     let mut k = 0;
     while k < choice.count() {
-        expect(blocks, choice.block(k + PREFETCH_DISTANCE));
+        prefetch_block(blocks, choice.block(k + PREFETCH_DISTANCE));
         let i = choice.block(k);
         if L::PAIRS_OF_BLOCKS && choice.is_disjoint_from_next(k) {
-            expect(blocks, choice.block(k + 1 + PREFETCH_DISTANCE));
+            prefetch_block(blocks, choice.block(k + 1 + PREFETCH_DISTANCE));
             let [one, other] = &mut blocks[i..][..2] else { unreachable!("a slice of two") };
             k += 2;
             // SAFETY: the caller's.
             let (first, second) =
                 unsafe { (LoadedBlock::read(&*one, lines), LoadedBlock::read(&*other, lines)) };
-            if C::MOSTLY_INACTIVE && first.rests() && second.rests() {
+            if C::MOSTLY_INACTIVE && first.stays_open() && second.stays_open() {
                 continue;
             }
             let mut visits = [first.visit(one), second.visit(other)];
-            local_solve::search(&mut visits);
+            local_solve::solve_slip(&mut visits);
             let [of_first, of_second] = visits;
             // SAFETY: the caller's.
             unsafe {
@@ -247,11 +251,11 @@ unsafe fn sweep_blocks<L: Lanes, B: ContactBlock, R: SweepRecorder<L>, C: BlockS
             k += 1;
             // SAFETY: the caller's.
             let found = unsafe { LoadedBlock::<L, B>::read(block, lines) };
-            if C::MOSTLY_INACTIVE && found.rests() {
+            if C::MOSTLY_INACTIVE && found.stays_open() {
                 continue;
             }
             let mut visits = [found.visit(block)];
-            local_solve::search(&mut visits);
+            local_solve::solve_slip(&mut visits);
             let [visit] = visits;
             // SAFETY: the caller's.
             unsafe { found.end(visit, block, lines, relaxation, record) };
@@ -259,10 +263,11 @@ unsafe fn sweep_blocks<L: Lanes, B: ContactBlock, R: SweepRecorder<L>, C: BlockS
     }
 }
 
+/// Sweep over the selected blocks.
 pub struct SweepPass<'a, C> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
-    /// Which of the singles and which of the pairs.
+    /// Selections of singles and of pairs.
     pub choice: [C; 2],
     pub lines: &'a mut [BodyVelocity],
     pub relaxation: f64,
@@ -283,6 +288,7 @@ impl<C: BlockSelection> SweepPass<'_, C> {
     }
 }
 
+/// Sweep without measurement.
 pub struct PlainSweep<'a, C>(pub SweepPass<'a, C>);
 
 impl<C: BlockSelection> VelocityKernel for PlainSweep<'_, C> {
@@ -294,6 +300,7 @@ impl<C: BlockSelection> VelocityKernel for PlainSweep<'_, C> {
     }
 }
 
+/// Sweep with the norms of its visits.
 pub struct MeasuredSweep<'a>(pub SweepPass<'a, AllBlocks<'a>>);
 
 impl VelocityKernel for MeasuredSweep<'_> {
@@ -305,6 +312,7 @@ impl VelocityKernel for MeasuredSweep<'_> {
     }
 }
 
+/// Pass that adds the effect of the impulses to the velocities.
 pub struct ApplyImpulses<'a> {
     pub singles: &'a [SingleBlock],
     pub pairs: &'a [PairBlock],
@@ -335,7 +343,7 @@ unsafe fn apply_blocks<L: Lanes, B: ContactBlock>(blocks: &[B], lines: &mut [Bod
     }
 }
 
-/// Impulses of the chosen blocks as they are to be, block after block.
+/// Pass that replaces the impulses of a subset, block after block.
 pub struct ReplaceImpulses<'a> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
@@ -373,7 +381,8 @@ unsafe fn replace_blocks<L: Lanes, B: ContactBlock>(
     }
 }
 
-/// Gives a block the impulses of its cones nearest to `wanted`, and the lines what the change causes; returns them.
+/// Sets the impulses of a block to the projections of `wanted` on its cones, updates the velocities, and returns the
+/// impulses.
 #[inline(always)]
 unsafe fn replace<L: Lanes, B: ContactBlock>(
     block: &mut B,
@@ -384,7 +393,7 @@ unsafe fn replace<L: Lanes, B: ContactBlock>(
     let (gathered, _) = unsafe { block.read::<L>(lines) };
     let r = local_solve::project(L::load32(&block.law().friction), wanted);
     let delta = each!(K in 3 => r[K].sub(L::load(&block.impulse()[K])));
-    let (impulse, _) = block.outcome();
+    let (impulse, _) = block.result_mut();
     for k in 0..3 {
         r[k].store(&mut impulse[k]);
     }
@@ -393,13 +402,13 @@ unsafe fn replace<L: Lanes, B: ContactBlock>(
     r
 }
 
-/// Goes on from the impulses that the chosen blocks have, block after block (T-37).
+/// Pass that moves the impulses of a subset along their search direction, block after block (T-37).
 pub struct Extrapolate<'a> {
     pub singles: &'a mut [SingleBlock],
     pub pairs: &'a mut [PairBlock],
     pub choice: [&'a [u32]; 2],
     pub memories: &'a mut [NncgBlock],
-    pub share: f64,
+    pub beta: f64,
     pub lines: &'a mut [BodyVelocity],
 }
 
@@ -407,30 +416,30 @@ impl VelocityKernel for Extrapolate<'_> {
     type Output = ();
     #[inline(always)]
     unsafe fn run<L: Lanes>(self) {
-        let ([singles, pairs], share) = (self.choice, L::splat(self.share));
+        let ([singles, pairs], beta) = (self.choice, L::splat(self.beta));
         let (of_singles, of_pairs) = self.memories.split_at_mut(singles.len());
         // SAFETY: the caller's.
         unsafe {
-            extrapolate(self.singles, singles, of_singles, share, self.lines);
-            extrapolate(self.pairs, pairs, of_pairs, share, self.lines);
+            extrapolate_blocks(self.singles, singles, of_singles, beta, self.lines);
+            extrapolate_blocks(self.pairs, pairs, of_pairs, beta, self.lines);
         }
     }
 }
 
 #[inline(always)]
-unsafe fn extrapolate<L: Lanes, B: ContactBlock>(
+unsafe fn extrapolate_blocks<L: Lanes, B: ContactBlock>(
     blocks: &mut [B],
     choice: &[u32],
     memories: &mut [NncgBlock],
-    share: L,
+    beta: L,
     lines: &mut [BodyVelocity],
 ) {
     for (k, (&i, memory)) in choice.iter().zip(memories).enumerate() {
-        expect(blocks, number(choice, k + PREFETCH_DISTANCE));
+        prefetch_block(blocks, block_number(choice, k + PREFETCH_DISTANCE));
         let block = &mut blocks[i as usize];
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
         let change = each!(K in 3 => r[K].sub(L::load(&memory.before[K])));
-        let further = each!(K in 3 => share.mul(L::load(&memory.direction[K])));
+        let further = each!(K in 3 => beta.mul(L::load(&memory.direction[K])));
         // SAFETY: the caller's.
         let on = unsafe { replace(block, &each!(K in 3 => r[K].add(further[K])), lines) };
         for k in 0..3 {
@@ -440,6 +449,7 @@ unsafe fn extrapolate<L: Lanes, B: ContactBlock>(
     }
 }
 
+/// Pass that sums the natural map.
 pub struct NaturalMapPass<'a> {
     pub singles: &'a [SingleBlock],
     pub pairs: &'a [PairBlock],

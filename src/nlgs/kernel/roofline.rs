@@ -1,50 +1,48 @@
-//! What a processor can do at most with the instructions of an [`InstructionSet`]: work whose rate bounds that of
-//! sweeps. The caller has the clock.
+//! Peak throughput of an [`InstructionSet`]: work whose rate bounds that of sweeps. The caller measures the time.
 
 use crate::lanes::{BodyVelocity, InstructionSet, LANES, Lanes, VelocityKernel, run};
 
-/// Numbers per line of the triad.
+/// Number of f64 per line of the triad.
 const ROW: usize = size_of::<BodyVelocity>() / size_of::<f64>();
 
 impl InstructionSet {
-    /// Bytes that [`InstructionSet::triad`] moves per line: two reads, and a write of what was read, so that no
-    /// cache has to fetch what is only written.
+    /// Bytes that [`InstructionSet::triad`] moves per line: two reads and a write in place.
     pub const TRIAD_BYTES: usize = 3 * size_of::<BodyVelocity>();
 
-    /// `a = b + factor a` on lines of eight f64: what memory or cache delivers at most.
+    /// Computes `a = b + factor a` on lines of eight f64, at the peak rate of memory or cache.
     pub fn triad(self, a: &mut [BodyVelocity], b: &[BodyVelocity], factor: f64) {
         // SAFETY: the pass has no indices.
         unsafe { run(self, TriadPass { a, b, factor }) }
     }
 
-    /// Fused operations on single f64 that a round of [`InstructionSet::multiply_adds`] does, and divisions of
-    /// one of [`InstructionSet::divisions`].
+    /// Number of f64 operations in a round of [`InstructionSet::multiply_adds`] or [`InstructionSet::divisions`].
     pub fn operations_per_round(self) -> usize {
-        LANES * if self.has_32_registers() { MANY } else { FEW }
+        LANES * if self.has_32_registers() { MANY_CHAINS } else { FEW_CHAINS }
     }
 
-    /// `rounds` of `x = x factor + c` in independent chains, summed: the most fused operations that there can be.
+    /// Computes `rounds` of `x = x factor + c` in independent chains, at the peak rate of fused operations; returns the sum.
     pub fn multiply_adds(self, rounds: u64, factor: f64) -> f64 {
         // SAFETY: the passes have no indices.
         match self.has_32_registers() {
-            true => unsafe { run(self, MultiplyAddPass::<MANY> { rounds, factor }) },
-            false => unsafe { run(self, MultiplyAddPass::<FEW> { rounds, factor }) },
+            true => unsafe { run(self, MultiplyAddPass::<MANY_CHAINS> { rounds, factor }) },
+            false => unsafe { run(self, MultiplyAddPass::<FEW_CHAINS> { rounds, factor }) },
         }
     }
 
-    /// `rounds` of `x = c / x` in independent chains, summed: the most divisions that there can be.
+    /// Computes `rounds` of `x = c / x` in independent chains, at the peak rate of divisions; returns the sum.
     pub fn divisions(self, rounds: u64, dividend: f64) -> f64 {
         // SAFETY: the passes have no indices.
         match self.has_32_registers() {
-            true => unsafe { run(self, DivisionPass::<MANY> { rounds, dividend }) },
-            false => unsafe { run(self, DivisionPass::<FEW> { rounds, dividend }) },
+            true => unsafe { run(self, DivisionPass::<MANY_CHAINS> { rounds, dividend }) },
+            false => unsafe { run(self, DivisionPass::<FEW_CHAINS> { rounds, dividend }) },
         }
     }
 }
 
-/// Chains: enough that none is waited for, few enough that all stay in registers.
-const MANY: usize = 12;
-const FEW: usize = 6;
+/// Number of independent chains with 32 registers: enough to hide latency, few enough for the registers.
+const MANY_CHAINS: usize = 12;
+/// Number of independent chains with 16 registers.
+const FEW_CHAINS: usize = 6;
 
 struct TriadPass<'a> {
     a: &'a mut [BodyVelocity],
@@ -64,7 +62,7 @@ impl VelocityKernel for TriadPass<'_> {
     }
 }
 
-/// The sum of the chains, so that none can be left out.
+/// Sums the chains, so that the compiler can drop none.
 #[inline(always)]
 fn sum<L: Lanes, const N: usize>(chains: [L; N]) -> f64 {
     let mut total = 0.0;
@@ -76,7 +74,7 @@ fn sum<L: Lanes, const N: usize>(chains: [L; N]) -> f64 {
     total
 }
 
-/// Chains that start apart.
+/// Returns chains with different start values.
 #[inline(always)]
 fn start<L: Lanes, const N: usize>() -> [L; N] {
     let mut chains = [L::splat(1.0); N];

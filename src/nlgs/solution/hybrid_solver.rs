@@ -6,7 +6,7 @@ use crate::math::{Mat3, Vec3, cone};
 use crate::nlgs::anderson::{AndersonMixing, History, MIXING_PERIOD, Safeguard, SafeguardVerdict};
 use crate::nlgs::assembled_problem::AssembledProblem;
 
-/// Minimum fraction of a Newton step in the line solver.
+/// Minimum fraction of a Newton step in the line search.
 const MIN_STEP_FRACTION: f64 = 0.1;
 /// Minimum regularisation, relative to the contacts' own blocks of W.
 const MIN_REGULARISATION: f64 = 1e-14;
@@ -23,7 +23,7 @@ pub(super) struct HybridSolver<'a> {
     sweeps: u64,
     newton_steps: u64,
     regularisation: f64,
-    /// HistoryProducts that Newton's method has cost more than the sweeps since.
+    /// Products of Newton's method that sweeps have not balanced yet.
     newton_cost: f64,
 }
 
@@ -63,7 +63,7 @@ impl<'a> HybridSolver<'a> {
         self.sweep_with(count, |_| {});
     }
 
-    /// Makes at most `count` more sweeps with Anderson's acceleration (T-32).
+    /// Makes at most `count` more sweeps with Anderson acceleration (T-32).
     pub fn sweep_accelerated(&mut self, count: u64) {
         let weight = |w: &Mat3| [(w.trace() / 3.0).sqrt(); 3];
         let (mut history, mut mixing) = (History::default(), AndersonMixing::default());

@@ -1,34 +1,34 @@
-//! Semismooth Newton method for the function of Alart and Curnier (T-33), regularised.
+//! Regularised semismooth Newton method for the function of Alart and Curnier (T-33).
 
 use crate::math::{Mat3, Vec3};
 use crate::nlgs::assembled_problem::AssembledProblem;
 use nalgebra::{DMatrix, DVector};
 
-/// Most unknowns of a dense system: larger ones take minutes.
+/// Maximum number of unknowns of a dense system; larger ones take minutes.
 const MAX_UNKNOWNS: usize = 4500;
 
-/// HistoryProducts in the solution of a dense system; without end for one that is not solved.
+/// Number of products in the solution of a dense system; infinite above the maximum size.
 pub(super) fn cost(unknowns: usize) -> f64 {
     if unknowns > MAX_UNKNOWNS { f64::INFINITY } else { 2.0 / 3.0 * (unknowns as f64).powi(3) }
 }
 
-/// What a contact does, as the present impulses and velocities say.
+/// Contact status at the current impulses and velocities.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum ContactStatus {
     Open,
     Stick,
-    /// Direction of the tangential impulse, and `κ = μ r_n / ‖x_T‖`.
+    /// Slip: direction of the tangential impulse, and `κ = μ r_n / ‖x_T‖`.
     Slip([f64; 2], f64),
 }
 
-/// The linear system of one step, for the contacts that are closed.
+/// Linear system of one Newton step for the closed contacts.
 pub(super) struct NewtonSystem<'a> {
     problem: &'a AssembledProblem,
     impulse: &'a [Vec3],
     velocity: Vec<Vec3>,
     status: Vec<ContactStatus>,
     closed: Vec<usize>,
-    /// Place of each contact among the closed ones.
+    /// Index of each contact among the closed ones.
     place: Vec<Option<usize>>,
 }
 
@@ -51,7 +51,7 @@ impl<'a> NewtonSystem<'a> {
         3 * self.closed.len()
     }
 
-    /// Change of the impulses `[nc]`; none where the system is singular or too large.
+    /// Returns the change of the impulses `[nc]`; `None` if the system is singular or too large.
     pub fn step(&self, regularisation: f64) -> Option<Vec<Vec3>> {
         let n = self.size();
         if n > MAX_UNKNOWNS {
@@ -70,7 +70,7 @@ impl<'a> NewtonSystem<'a> {
         Some((0..self.impulse.len()).map(change).collect())
     }
 
-    /// The three equations of the closed contact `c`, which is number `k` of them.
+    /// Writes the three equations of the closed contact `c`, which is number `k` of them.
     ///
     /// With `A` and `B` the derivatives by the impulse and by the velocity: `A Δr + B W Δr`, where the
     /// changes of open contacts are known.
@@ -101,13 +101,13 @@ impl<'a> NewtonSystem<'a> {
         right.rows_mut(3 * k, 3).copy_from(&(defect - by_velocity * known));
     }
 
-    /// Derivatives of the function by impulse and velocity, and its negative value, in m/s.
+    /// Returns the derivatives of the function by impulse and velocity, and its negative value, in m/s.
     fn derivatives(&self, c: usize) -> (Mat3, Mat3, Vec3) {
         let ContactStatus::Slip([t, s], kappa) = self.status[c] else {
             return (Mat3::zeros(), Mat3::identity(), -self.velocity[c]);
         };
         let (r, mu) = (self.impulse[c], self.problem.friction[c]);
-        // Across the direction of slip.
+        // Projector perpendicular to the direction of slip.
         let across = Mat3::new(0.0, 0.0, 0.0, 0.0, 1.0 - t * t, -t * s, 0.0, -t * s, 1.0 - s * s);
         let tangential = Mat3::new(0.0, 0.0, 0.0, -mu * t, 1.0, 0.0, -mu * s, 0.0, 1.0);
         let by_impulse = (tangential - across * kappa) * (self.problem.diagonal[c].trace() / 3.0);

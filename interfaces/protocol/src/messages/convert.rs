@@ -465,8 +465,8 @@ impl SqueezeReport {
             header: Header::world(time_ns),
             pair: squeeze.name.clone(),
             number: record.number,
-            is_finished: squeeze.is_over,
-            start_ns: ns(record.began_ns),
+            is_finished: squeeze.is_finished,
+            start_ns: ns(record.start_ns),
             onset_ns: record.onset_ns.map_or(-1, ns),
             onset_closing: record.onset_closing,
             closing: record.closing,
@@ -492,7 +492,7 @@ impl TryFrom<&SqueezeReport> for SqueezeOutcome {
         let points = squeeze.loop_closing.iter().zip(&squeeze.loop_force);
         let record = SqueezeRecord {
             number: squeeze.number,
-            began_ns: time("start_ns", squeeze.start_ns)?,
+            start_ns: time("start_ns", squeeze.start_ns)?,
             onset_ns: match squeeze.onset_ns {
                 -1 => None,
                 ns => Some(time("onset_ns", ns)?),
@@ -506,6 +506,6 @@ impl TryFrom<&SqueezeReport> for SqueezeOutcome {
             compaction_energy: squeeze.compaction_energy,
             loop_points: points.map(|(c, f)| [*c, *f]).collect(),
         };
-        Ok(Self { name: squeeze.pair.clone(), is_over: squeeze.is_finished, record })
+        Ok(Self { name: squeeze.pair.clone(), is_finished: squeeze.is_finished, record })
     }
 }

@@ -121,7 +121,7 @@ fn outcomes_come_back_to_the_bit() {
 fn squeezes_come_back_to_the_bit() {
     let record = SqueezeRecord {
         number: 3,
-        began_ns: 5,
+        start_ns: 5,
         onset_ns: None,
         onset_closing: 0.1,
         peak_force: 1.0 / 3.0,
@@ -134,14 +134,14 @@ fn squeezes_come_back_to_the_bit() {
     };
     for onset_ns in [None, Some(77)] {
         let record = SqueezeRecord { onset_ns, ..record.clone() };
-        let told = SqueezeOutcome { name: "pair".into(), is_over: true, record };
+        let told = SqueezeOutcome { name: "pair".into(), is_finished: true, record };
         let message = SqueezeReport::of(99, &told);
         assert_eq!(message.header.stamp.ns(), 99);
         assert_eq!(SqueezeOutcome::try_from(&message).unwrap(), told);
     }
     let early = SqueezeReport { start_ns: -1, ..SqueezeReport::default() };
     let refused = SqueezeOutcome::try_from(&early).unwrap_err();
-    assert!(refused.place.contains("began_ns"), "{refused}");
+    assert!(refused.place.contains("start_ns"), "{refused}");
 }
 
 #[test]

@@ -1,45 +1,40 @@
-//! Frames, arms and Delassus blocks of eight contacts at a time (T-5 to T-9).
+//! Computation of frames, arms and Delassus blocks, eight contacts at a time (T-5 to T-9).
 //!
-//! Contract: each contact is a function of its own bodies alone, whoever is beside it, and the same bits come from any
-//! [`Lanes`].
+//! Contract: each contact depends on its bodies alone, not on the other lanes, and every [`Lanes`] gives the same bits.
 
-use super::contact::{LocalContact, Side};
-use crate::lanes::{LANES, Lanes, each};
+use super::contact::{ContactSide, LocalContact};
+use super::rows::{Row32, Row64};
+use crate::lanes::{Lanes, each};
 use crate::math::{Vec3, frame, round, widen};
 
-/// A row of f64.
-type Row = [f64; LANES];
-/// A row of f32.
-type Row32 = [f32; LANES];
-
-/// What eight contacts need of one of their bodies each.
+/// Data of one body of each of eight contacts.
 #[derive(Default)]
-struct Sides {
-    lever: [Row; 3],
-    inverse_mass: Row,
-    /// By columns.
-    whitening: [Row; 9],
+struct BodyRows {
+    lever: [Row64; 3],
+    inverse_mass: Row64,
+    /// Whitening matrices by columns.
+    whitening: [Row64; 9],
     /// One where there is a shift, else zero.
-    shifted: Row,
-    shift: [Row; 9],
+    shifted: Row64,
+    shift: [Row64; 9],
 }
 
-/// Normals and bodies of up to eight contacts. What is left of earlier ones harms nobody.
+/// Normals and bodies of up to eight contacts. Lanes that are not set keep the data of earlier contacts.
 #[derive(Default)]
-pub struct Eight {
-    /// Rounded.
-    normal: [Row; 3],
-    /// Some tangents.
-    tangents: [[Row; 3]; 2],
-    candidate: Sides,
-    antagonist: Sides,
+pub struct ContactGeometryRows {
+    /// Rounded normals.
+    normal: [Row64; 3],
+    /// Two tangents in any direction.
+    tangents: [[Row64; 3]; 2],
+    candidate: BodyRows,
+    antagonist: BodyRows,
     /// One where the antagonist is mobile, else zero.
-    paired: Row,
+    paired: Row64,
 }
 
-/// The numbers of [`LocalContact`] by the same names.
+/// Rows of the fields of [`LocalContact`] by the same names.
 #[derive(Default)]
-pub struct Built {
+pub struct ContactRows {
     normal: [Row32; 3],
     tangent: [Row32; 3],
     candidate_arms: [[Row32; 3]; 3],
@@ -50,9 +45,9 @@ pub struct Built {
     tangent_ratio: Row32,
 }
 
-impl Sides {
+impl BodyRows {
     #[inline(always)]
-    fn set(&mut self, lane: usize, side: &Side) {
+    fn set(&mut self, lane: usize, side: &ContactSide) {
         put(&mut self.lever, lane, side.lever.as_slice());
         self.inverse_mass[lane] = side.inverse_mass;
         put(&mut self.whitening, lane, side.whitening.as_slice());
@@ -64,10 +59,16 @@ impl Sides {
     }
 }
 
-impl Eight {
-    /// Puts a contact in a lane; the antagonist is `None` if it is driven.
+impl ContactGeometryRows {
+    /// Sets a lane to a contact; the antagonist is `None` if it is driven.
     #[inline(always)]
-    pub fn set(&mut self, lane: usize, normal: &Vec3, candidate: &Side, antagonist: Option<&Side>) {
+    pub fn set(
+        &mut self,
+        lane: usize,
+        normal: &Vec3,
+        candidate: &ContactSide,
+        antagonist: Option<&ContactSide>,
+    ) {
         let normal = widen(&round(normal));
         let (t, s) = frame::tangents(&normal);
         put(&mut self.normal, lane, normal.as_slice());
@@ -81,23 +82,23 @@ impl Eight {
         }
     }
 
-    /// Turns the tangents, rounds, and computes what follows from the rounded geometry.
+    /// Rotates the tangents, rounds, and computes all that follows from the rounded geometry.
     #[inline(always)]
-    pub fn build<L: Lanes>(&self, out: &mut Built) {
+    pub fn build<L: Lanes>(&self, out: &mut ContactRows) {
         let zero = L::splat(0.0);
         let paired = zero.lt(L::load(&self.paired));
         let (candidate, antagonist) =
-            (Body::<L>::load(&self.candidate), Body::load(&self.antagonist));
+            (BodyLanes::<L>::load(&self.candidate), BodyLanes::load(&self.antagonist));
         let normal = load3::<L>(&self.normal);
         let inverse_mass =
             candidate.inverse_mass.add(L::select(paired, antagonist.inverse_mass, zero));
-        // First with unrounded tangents, to find the turn; then with the turned, rounded ones.
+        // First with unrounded tangents, to find the rotation; then with the rotated, rounded ones.
         let [t, s] = [load3::<L>(&self.tangents[0]), load3::<L>(&self.tangents[1])];
         let axes = [normal, t, s];
         let of_candidate = candidate.delassus(&axes);
         let of_antagonist = antagonist.delassus(&axes);
         let w = each!(K in [0, 1, 2, 3, 4, 5] => of_candidate[K].add(L::select(paired, of_antagonist[K], zero)));
-        let (cos, sin) = principal_turn(&tangential_schur(&w));
+        let (cos, sin) = principal_rotation(&tangential_schur(&w));
         each!(J in 3 => normal[J].store32(&mut out.normal[J]));
         each!(J in 3 => t[J].mul(cos).add(s[J].mul(sin)).store32(&mut out.tangent[J]));
         let tangent = load32::<L>(&out.tangent);
@@ -128,8 +129,8 @@ impl Eight {
     }
 }
 
-impl Built {
-    /// Writes the contact of a lane; bodies, friction, offset and impulse are not its business.
+impl ContactRows {
+    /// Writes the contact of a lane, without bodies, friction, offset and impulse.
     pub fn get(&self, lane: usize, contact: &mut LocalContact) {
         let three = |rows: &[Row32; 3]| [rows[0][lane], rows[1][lane], rows[2][lane]];
         contact.normal = three(&self.normal);
@@ -143,7 +144,7 @@ impl Built {
     }
 }
 
-/// Entries of a symmetric matrix of the axes n, t, s: nn, tn, sn, tt, ts, ss.
+/// Expands to the entries of a symmetric matrix of the axes n, t, s: nn, tn, sn, tt, ts, ss.
 macro_rules! each_entry {
     (($i:ident, $j:ident) => $value:expr) => {
         [
@@ -163,17 +164,17 @@ macro_rules! each_entry {
 }
 use each_entry;
 
-/// Eight bodies.
-struct Body<L> {
+/// Lanes of eight bodies.
+struct BodyLanes<L> {
     lever: [L; 3],
     inverse_mass: L,
     whitening: [L; 9],
     shift: Option<(L, [L; 9])>,
 }
 
-impl<L: Lanes> Body<L> {
+impl<L: Lanes> BodyLanes<L> {
     #[inline(always)]
-    fn load(sides: &Sides) -> Self {
+    fn load(sides: &BodyRows) -> Self {
         let shift = if sides.shifted.iter().any(|&x| x != 0.0) {
             Some((L::load(&sides.shifted), load9(&sides.shift)))
         } else {
@@ -187,7 +188,7 @@ impl<L: Lanes> Body<L> {
         }
     }
 
-    /// `Bᵀ (ℓ × axis)`, and what the shift adds.
+    /// Returns the arm `Bᵀ (ℓ × axis)`, including the shift.
     #[inline(always)]
     fn arm(&self, axis: &[L; 3]) -> [L; 3] {
         let turning = transposed_times(&self.whitening, &cross(&self.lever, axis));
@@ -201,7 +202,7 @@ impl<L: Lanes> Body<L> {
         }
     }
 
-    /// What the body adds to the Delassus block.
+    /// Contribution of the body to the Delassus block.
     #[inline(always)]
     fn delassus(&self, axes: &[[L; 3]; 3]) -> [L; 6] {
         let arms = each!(K in 3 => self.arm(&axes[K]));
@@ -212,12 +213,12 @@ impl<L: Lanes> Body<L> {
 }
 
 #[inline(always)]
-fn load3<L: Lanes>(rows: &[Row; 3]) -> [L; 3] {
+fn load3<L: Lanes>(rows: &[Row64; 3]) -> [L; 3] {
     each!(J in 3 => L::load(&rows[J]))
 }
 
 #[inline(always)]
-fn load9<L: Lanes>(rows: &[Row; 9]) -> [L; 9] {
+fn load9<L: Lanes>(rows: &[Row64; 9]) -> [L; 9] {
     each!(K in [0, 1, 2, 3, 4, 5, 6, 7, 8] => L::load(&rows[K]))
 }
 
@@ -240,24 +241,23 @@ fn cross<L: Lanes>(a: &[L; 3], b: &[L; 3]) -> [L; 3] {
     ]
 }
 
-/// `Mᵀ x`, M given by columns.
+/// Returns `Mᵀ x` for M given by columns.
 #[inline(always)]
 fn transposed_times<L: Lanes>(m: &[L; 9], x: &[L; 3]) -> [L; 3] {
     each!(J in 3 => dot(&[m[3 * J], m[3 * J + 1], m[3 * J + 2]], x))
 }
 
-/// `S = W_TT - W_Tn W_nT / W_nn` as (tt, ts, ss).
+/// Returns `S = W_TT - W_Tn W_nT / W_nn` as (tt, ts, ss).
 #[inline(always)]
 fn tangential_schur<L: Lanes>(&[nn, tn, sn, tt, ts, ss]: &[L; 6]) -> [L; 3] {
     [tt.sub(tn.mul(tn).div(nn)), ts.sub(tn.mul(sn).div(nn)), ss.sub(sn.mul(sn).div(nn))]
 }
 
-/// Cosine and sine of the turn that makes `[tt, ts, ss]` diagonal, larger entry first.
+/// Cosine and sine of the rotation that makes `[tt, ts, ss]` diagonal, larger entry first.
 ///
-/// By half-angle formulas: square roots and divisions give the same bits on every machine, library
-/// trigonometry does not.
+/// Half-angle formulas: square roots and divisions give the same bits on every machine, library trigonometry does not.
 #[inline(always)]
-fn principal_turn<L: Lanes>(&[tt, ts, ss]: &[L; 3]) -> (L, L) {
+fn principal_rotation<L: Lanes>(&[tt, ts, ss]: &[L; 3]) -> (L, L) {
     let (zero, half, one) = (L::splat(0.0), L::splat(0.5), L::splat(1.0));
     let (x, y) = (half.mul(tt.sub(ss)), ts);
     let length = x.mul(x).add(y.mul(y)).sqrt();
@@ -270,19 +270,23 @@ fn principal_turn<L: Lanes>(&[tt, ts, ss]: &[L; 3]) -> (L, L) {
 }
 
 #[inline(always)]
-fn put<const N: usize>(rows: &mut [Row; N], lane: usize, values: &[f64]) {
+fn put<const N: usize>(rows: &mut [Row64; N], lane: usize, values: &[f64]) {
     for (row, value) in rows.iter_mut().zip(values) {
         row[lane] = *value;
     }
 }
 
-/// One contact alone.
+/// Builds one contact.
 #[cfg(test)]
-pub fn one(normal: &Vec3, candidate: &Side, antagonist: Option<&Side>) -> LocalContact {
-    let mut eight = Eight::default();
-    eight.set(3, normal, candidate, antagonist);
-    let (mut built, mut contact) = (Built::default(), LocalContact::default());
-    eight.build::<crate::lanes::Portable>(&mut built);
+pub fn build_one(
+    normal: &Vec3,
+    candidate: &ContactSide,
+    antagonist: Option<&ContactSide>,
+) -> LocalContact {
+    let mut geometry = ContactGeometryRows::default();
+    geometry.set(3, normal, candidate, antagonist);
+    let (mut built, mut contact) = (ContactRows::default(), LocalContact::default());
+    geometry.build::<crate::lanes::Portable>(&mut built);
     built.get(3, &mut contact);
     contact
 }
