@@ -35,9 +35,7 @@ impl From<description::BodyDescription> for BodyInfo {
     }
 }
 
-/// Mount of a driven body that loads can move.
-///
-/// In each direction the body follows its commanded motion, a spring that follows it, or only loads and contacts.
+#[doc = stub!("Mount")]
 #[pyclass(frozen, module = "ballast", name = "Mount")]
 #[derive(Clone)]
 pub struct PyMount {
@@ -49,26 +47,26 @@ pub struct PyMount {
 
 #[pymethods]
 impl PyMount {
-    /// Mass that moves with the body, kg.
+    #[doc = stub!("Mount.mass")]
     #[getter]
     fn mass(&self) -> f64 {
         self.mass
     }
 
-    /// Mode of each degree of freedom x, y, z, rx, ry, rz: "prescribed", "spring" or "free".
+    #[doc = stub!("Mount.dof_modes")]
     #[getter]
     fn dof_modes(&self) -> (&str, &str, &str, &str, &str, &str) {
         let [x, y, z, rx, ry, rz] = self.dof_modes.each_ref().map(|mode| &mode[..]);
         (x, y, z, rx, ry, rz)
     }
 
-    /// Spring stiffness of each degree of freedom (6,), N/m and N m/rad; 0 without a spring.
+    #[doc = stub!("Mount.stiffness")]
     #[getter]
     fn stiffness<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::column(py, &self.stiffness)
     }
 
-    /// Spring damping of each degree of freedom (6,), N s/m and N m s/rad; 0 without a spring.
+    #[doc = stub!("Mount.damping")]
     #[getter]
     fn damping<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::column(py, &self.damping)
@@ -100,7 +98,7 @@ pub fn parts<'py>(py: Python<'py>, model: &Model, body: &DrivenBody) -> Vec<Soli
     solids.collect()
 }
 
-/// Path of a tine in the tamping cycle of its case.
+#[doc = stub!("Tine")]
 #[pyclass(frozen, module = "ballast", name = "Tine")]
 pub struct PyTine {
     pub name: String,
@@ -110,37 +108,37 @@ pub struct PyTine {
 
 #[pymethods]
 impl PyTine {
-    /// Name of the tine's body.
+    #[doc = stub!("Tine.name")]
     #[getter]
     fn name(&self) -> &str {
         &self.name
     }
 
-    /// Number of the tine's pair in the case; its squeezes are those of "pair_NUMBER".
+    #[doc = stub!("Tine.pair")]
     #[getter]
     fn pair(&self) -> u32 {
         self.pair
     }
 
-    /// Direction of the squeeze along x: 1 or -1.
+    #[doc = stub!("Tine.direction")]
     #[getter]
     fn direction(&self) -> f64 {
         self.path.direction
     }
 
-    /// Position of the reference point before the cycle (3,), m.
+    #[doc = stub!("Tine.start")]
     #[getter]
     fn start<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::vector(py, &self.path.start)
     }
 
-    /// Height of the reference point at full depth, m.
+    #[doc = stub!("Tine.full_depth_z")]
     #[getter]
     fn full_depth_z(&self) -> f64 {
         self.path.deep
     }
 
-    /// Closing of the tine in the squeeze, m.
+    #[doc = stub!("Tine.stroke")]
     #[getter]
     fn stroke(&self) -> f64 {
         self.path.stroke

@@ -13,16 +13,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use toml::{Table, Value};
 
-/// A validated case: the description of a bed, its machine and a run.
-///
-/// Cases with the same text, seed and schedule are equal. They can be copied and pickled.
-///
-/// Args:
-///     text: the case (TOML).
-///     name: name of the text in error messages.
-///
-/// Raises:
-///     CaseError: the text is not a valid case.
+#[doc = stub!("Case")]
 #[pyclass(frozen, module = "ballast", name = "Case", from_py_object)]
 #[derive(Clone)]
 pub struct PyCase(pub Arc<ballast_beds::Case>);
@@ -94,11 +85,7 @@ impl PyCase {
         Self::read(py, text, name)
     }
 
-    /// Reads a case file (TOML).
-    ///
-    /// Raises:
-    ///     CaseError: the file is not a valid case; `diagnostics` has every error with its line.
-    ///     FileError: the file cannot be read.
+    #[doc = stub!("Case.load")]
     #[staticmethod]
     fn load(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         let name = path.display().to_string();
@@ -109,11 +96,7 @@ impl PyCase {
         Self::read(py, text, &name)
     }
 
-    /// Returns the case that nested dictionaries describe; numpy scalars and arrays are accepted as values.
-    ///
-    /// Raises:
-    ///     CaseError: the values are not a valid case.
-    ///     TypeError: TOML cannot hold a value.
+    #[doc = stub!("Case.from_dict")]
     #[staticmethod]
     fn from_dict(py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let table = toml_values::to_table(values.as_mapping(), "")?;
@@ -121,28 +104,18 @@ impl PyCase {
         Self::read(py, text, "case")
     }
 
-    /// Returns the values of the case's text as nested dictionaries. Defaults that the text omits are not included.
+    #[doc = stub!("Case.to_dict")]
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         _parse_toml(py, &self.chosen_text(py)?)
     }
 
-    /// Writes the case's text to a file. An existing file is replaced only if it is TOML.
-    ///
-    /// Raises:
-    ///     FileError: the file cannot be written, or `path` is a file of another kind.
+    #[doc = stub!("Case.write")]
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         let text = self.chosen_text(py)?;
         write_toml(py, &path, "a case", &text, |_| true)
     }
 
-    /// Returns a copy of the case with changed values.
-    ///
-    /// Args:
-    ///     values: new values by dotted key path, such as `{"tamping.vibration.frequency_Hz": 40.0}`.
-    ///
-    /// Raises:
-    ///     CaseError: the changed case is not valid.
-    ///     TypeError: TOML cannot hold a value.
+    #[doc = stub!("Case.with_values")]
     fn with_values(&self, py: Python<'_>, values: &Bound<'_, PyDict>) -> PyResult<Self> {
         let table = toml_values::to_table(values.as_mapping(), "")?;
         let changes: sweep::SweepPoint = table.into_iter().collect();
@@ -160,15 +133,7 @@ impl PyCase {
         Ok(Self::read(py, text, "case")?.with_overrides(choices))
     }
 
-    /// Returns a copy of the case with another seed of the bed or another schedule of the solver.
-    ///
-    /// Args:
-    ///     seed: seed of the bed, 0 to 2^64 - 1.
-    ///     schedule: "sequential", "synchronous" or "asynchronous".
-    ///
-    /// Raises:
-    ///     CaseError: the schedule is unknown.
-    ///     RequestError: the seed is out of range.
+    #[doc = stub!("Case.choose")]
     #[pyo3(signature = (*, seed=None, schedule=None))]
     fn choose(
         &self,
@@ -183,52 +148,49 @@ impl PyCase {
         Ok(self.with_overrides(choices))
     }
 
-    /// Name of the case, from its text.
+    #[doc = stub!("Case.name")]
     #[getter]
     fn name(&self) -> &str {
         &self.0.plan.name
     }
 
-    /// Text of the case (TOML), including a seed or schedule set by `choose`.
-    ///
-    /// Raises:
-    ///     CaseError: TOML cannot hold the seed (above 2^63 - 1).
+    #[doc = stub!("Case.text")]
     #[getter]
     fn text(&self, py: Python<'_>) -> PyResult<Cow<'_, str>> {
         self.chosen_text(py)
     }
 
-    /// Seed of the bed.
+    #[doc = stub!("Case.seed")]
     #[getter]
     fn seed(&self) -> u64 {
         self.0.plan.bed.seed
     }
 
-    /// Schedule of the solver: "sequential", "synchronous" or "asynchronous".
+    #[doc = stub!("Case.schedule")]
     #[getter]
     fn schedule(&self) -> &'static str {
         self.0.plan.run.solver.schedule.name()
     }
 
-    /// Length of a time step, ns.
+    #[doc = stub!("Case.step_ns")]
     #[getter]
     fn step_ns(&self) -> u64 {
         self.0.plan.run.stepping.step_ns
     }
 
-    /// Duration of the case's run, ns.
+    #[doc = stub!("Case.duration_ns")]
     #[getter]
     fn duration_ns(&self) -> u64 {
         self.0.plan.run.duration_ns
     }
 
-    /// Warnings about valid but implausible values.
+    #[doc = stub!("Case.warnings")]
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.0.warnings.iter().map(ToString::to_string).collect()
     }
 
-    /// Key of the prepared bed: a hash of all values that its preparation depends on.
+    #[doc = stub!("Case.bed_key")]
     #[getter]
     fn bed_key(&self) -> String {
         self.0.bed_key()

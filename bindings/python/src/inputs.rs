@@ -22,22 +22,7 @@ type FloatArray<'py> = PyArrayLikeDyn<'py, f64, AllowTypeChange>;
 /// Angle below which two orientations are equal, rad: round-off.
 const ORIENTATION_TOLERANCE: f64 = 1e-9;
 
-/// Motion of a driven body, or of its mount, through a window: knots that are interpolated but never extrapolated.
-///
-/// Args:
-///     times_ns: (n,) times of the knots in ascending order, ns. The first is at or before the start of the window, the
-///         last at or after its end.
-///     positions: (n, 3) positions of the body's reference point, m.
-///     orientations: (n, 4) unit quaternions x, y, z, w; default: identity.
-///     velocities: (n, 3) velocities of the reference point, m/s.
-///     angular_velocities: (n, 3) angular velocities, world axes, rad/s; default: zero. Required with "hermite" if the
-///         orientations differ.
-///     interpolation: "hermite" (cubic through poses and velocities; default with velocities), "linear" (default without
-///         velocities) or "hold" (piecewise constant).
-///     allow_jump: allow the motion to start at another pose or velocity than the last commanded one.
-///
-/// Raises:
-///     RequestError: an array has the wrong shape, or a value is not a finite real number.
+#[doc = stub!("Motion")]
 #[pyclass(frozen, module = "ballast", name = "Motion")]
 pub struct PyMotion {
     pub waveform: Waveform,
@@ -110,7 +95,7 @@ impl PyMotion {
         Ok(Self { waveform, allow_jump })
     }
 
-    /// Returns the constructor's arguments, for pickling and copying.
+    #[doc = stub!("Motion.__getnewargs_ex__")]
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<ConstructorArgs<'py>> {
         let Waveform { interpolation, knots } = &self.waveform;
         let rows = |of: fn(&Knot) -> Vec3| vector_rows(py, knots.iter().map(of));
@@ -136,16 +121,7 @@ impl PyMotion {
     }
 }
 
-/// Load on a mounted body through a window, in addition to its weight; spring directions already carry the weight.
-///
-/// Args:
-///     times_ns: (n,) times of the knots in ascending order, ns.
-///     forces: (n, 3) forces, world axes, N.
-///     torques: (n, 3) torques about the body's reference point, world axes, N m; default: zero.
-///     interpolation: "linear" or "hold" (each value holds from its knot on).
-///
-/// Raises:
-///     RequestError: an array has the wrong shape, or a value is not a finite real number.
+#[doc = stub!("Load")]
 #[pyclass(frozen, module = "ballast", name = "Load")]
 pub struct PyLoad {
     pub waveform: LoadWaveform,
@@ -184,7 +160,7 @@ impl PyLoad {
         Ok(Self { waveform: LoadWaveform { is_held, knots: (0..n).map(knot).collect() } })
     }
 
-    /// Returns the constructor's arguments, for pickling and copying.
+    #[doc = stub!("Load.__getnewargs_ex__")]
     fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<ConstructorArgs<'py>> {
         let LoadWaveform { is_held, knots } = &self.waveform;
         let rows = |of: fn(&LoadKnot) -> Vec3| vector_rows(py, knots.iter().map(of));

@@ -1,9 +1,11 @@
 //! The compiled module `ballast._ballast` of the Python package.
 //!
 //! Contract: equal inputs give the same bytes as in the program and over the network. The interpreter is released while
-//! steps are computed. A panic becomes an exception. Docstrings equal those of `python/ballast/_ballast.pyi`.
+//! steps are computed. A panic becomes an exception. Docstrings are those of `python/ballast/_ballast.pyi` (`build.rs`).
 //!
 //! Layers: `case` <- `state` <- `backend` <- `local`, `remote` <- `simulation` <- `factory`.
+
+include!(concat!(env!("OUT_DIR"), "/stub.rs"));
 
 mod arrays;
 mod backend;
@@ -28,7 +30,7 @@ mod toml_values;
 use pyo3::prelude::*;
 use pyo3::types::PyCFunction;
 
-/// Returns the JSON Schema of case files.
+#[doc = stub!("schema")]
 #[pyfunction]
 fn schema(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     case::to_dict(py, &ballast_scenario::schema())

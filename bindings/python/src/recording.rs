@@ -20,22 +20,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// Recording of a run (MCAP): an iterator over its windows.
-///
-/// Each window is a dictionary:
-///
-/// * `seq`, `t0_ns`, `t1_ns`: number, start and end of the window, ns.
-/// * `request`: the request as a message; `motions` and `loads`: its inputs by body, as arguments for `advance_to`.
-/// * `parameters`: arguments for `set_parameters` that were set before the window; empty if none were.
-/// * `result`: the `WindowResult`, except for values that are not recorded: `wall_time_s` is nan,
-///   `max_knot_spacing_ns` is 0, `step_series` is None, and a window that ended early has the status "ok" or "warn".
-/// * `hash`, `reply_digest`: hashes of the state after the window and of the reply.
-///
-/// An incomplete file yields its valid windows first. Then the iterator issues a RuntimeWarning once if the file is cut
-/// short, as after a kill, or raises FileError once if it is damaged. See `truncation`.
-///
-/// Raises:
-///     FileError: the file cannot be read.
+#[doc = stub!("Recording")]
 #[pyclass(frozen, module = "ballast", name = "Recording")]
 pub struct PyRecording {
     path: PathBuf,
@@ -52,7 +37,7 @@ impl PyRecording {
         Ok(Self { path, windows: Mutex::new(windows), is_reported: AtomicBool::new(false) })
     }
 
-    /// Recorded case, with its seed and schedule.
+    #[doc = stub!("Recording.case")]
     #[getter]
     fn case(&self, py: Python<'_>) -> PyResult<PyCase> {
         let meta = py.detach(|| lock(&self.windows).meta().clone());
@@ -62,7 +47,7 @@ impl PyRecording {
         Ok(PyCase(Arc::new(case::read(py, meta.case_text, &name)?.with_overrides(choices))))
     }
 
-    /// State at the start of the recording; None if it is the start of the case.
+    #[doc = stub!("Recording.start")]
     #[getter]
     fn start(&self, py: Python<'_>) -> PyResult<Option<PyState>> {
         let bytes = py.detach(|| lock(&self.windows).start().map(<[u8]>::to_vec));
@@ -100,7 +85,7 @@ impl PyRecording {
         Ok(Some(entries))
     }
 
-    /// Reason why reading ended before the end of the recording, or None.
+    #[doc = stub!("Recording.truncation")]
     #[getter]
     fn truncation(&self, py: Python<'_>) -> Option<String> {
         py.detach(|| lock(&self.windows).lost().map(ToString::to_string))

@@ -11,10 +11,7 @@ use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
-/// Results file of a run (`.vtkhdf`).
-///
-/// Raises:
-///     FileError: the file cannot be read.
+#[doc = stub!("Results")]
 #[pyclass(frozen, module = "ballast", name = "Results")]
 pub struct PyResults {
     reader: Mutex<Reader>,
@@ -55,37 +52,37 @@ impl PyResults {
         Ok(Self { reader: Mutex::new(reader) })
     }
 
-    /// True if the run has ended and closed the file; false while it is running, or if it was killed.
+    #[doc = stub!("Results.is_closed")]
     #[getter]
     fn is_closed(&self) -> bool {
         lock(&self.reader).is_closed()
     }
 
-    /// Name of the case.
+    #[doc = stub!("Results.case_name")]
     #[getter]
     fn case_name(&self, py: Python<'_>) -> PyResult<String> {
         self.read(py, |r| r.about("case_name"))
     }
 
-    /// Text of the case file (TOML).
+    #[doc = stub!("Results.case_text")]
     #[getter]
     fn case_text(&self, py: Python<'_>) -> PyResult<String> {
         self.read(py, |r| r.about("case_text"))
     }
 
-    /// Number of grains, ng.
+    #[doc = stub!("Results.grain_count")]
     #[getter]
     fn grain_count(&self, py: Python<'_>) -> PyResult<u64> {
         Ok(self.read(py, Reader::bodies)?.0)
     }
 
-    /// Names of the driven bodies, in the order of `poses` after the grains.
+    #[doc = stub!("Results.bodies")]
     #[getter]
     fn bodies(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         Ok(self.read(py, Reader::bodies)?.1)
     }
 
-    /// Role of each driven body by name: "boundary", "sleeper" or "tine".
+    #[doc = stub!("Results.roles")]
     #[getter]
     fn roles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let roles = PyDict::new(py);
@@ -95,24 +92,21 @@ impl PyResults {
         Ok(roles)
     }
 
-    /// Step number of each frame (n,).
+    #[doc = stub!("Results.steps")]
     #[getter]
     fn steps<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u64>> {
         let steps = self.read(py, |r| Ok(r.steps().to_vec()))?;
         Ok(arrays::column(py, &steps))
     }
 
-    /// Time of each frame (n,), s.
+    #[doc = stub!("Results.times")]
     #[getter]
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
         let times = self.read(py, Reader::times)?;
         Ok(arrays::column(py, &times))
     }
 
-    /// Returns positions (n, 3) in m and orientations (n, 4) of all bodies in a frame: grains, then driven bodies.
-    ///
-    /// Raises:
-    ///     IndexError: the file has no such frame.
+    #[doc = stub!("Results.poses")]
     fn poses<'py>(
         &self,
         py: Python<'py>,
@@ -128,16 +122,13 @@ impl PyResults {
         Ok((arrays::table(py, &positions, 3), arrays::table(py, &orientations, 4)))
     }
 
-    /// Names of the tables.
+    #[doc = stub!("Results.tables")]
     #[getter]
     fn tables(&self, py: Python<'_>) -> PyResult<Vec<String>> {
         self.read(py, Reader::series_names)
     }
 
-    /// Returns the columns of a table by name, and `step`; `units` has their units.
-    ///
-    /// Raises:
-    ///     KeyError: the file has no such table.
+    #[doc = stub!("Results.table")]
     fn table<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
         let table = self.read_table(py, name)?;
         let columns = PyDict::new(py);
@@ -150,10 +141,7 @@ impl PyResults {
         Ok(columns)
     }
 
-    /// Returns the units of the columns of a table by name.
-    ///
-    /// Raises:
-    ///     KeyError: the file has no such table.
+    #[doc = stub!("Results.units")]
     fn units<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyDict>> {
         let table = self.read_table(py, name)?;
         let units = PyDict::new(py);

@@ -23,17 +23,7 @@ use pyo3::types::{PyDict, PyTuple};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex};
 
-/// A ballast model advanced in windows. Created by `ballast.open` or `ballast.resume`.
-///
-/// Threads: `advance_to` releases the GIL. One thread at a time may step a simulation; a second one gets
-/// `Error(code="busy")`. Different simulations run in parallel.
-///
-/// Interrupting: Ctrl-C (main thread), `stop()` or `close()` cancel the running step. Completed steps are kept; see `last`.
-///
-/// Remote components (`ballast.open("zenoh:SITE/ID")`): a cancelled window continues on the server, and repeating the
-/// call returns its result. Available: `advance_to`, `redo`, `last`, `save`, `restore`, `set_parameters`, `stop`,
-/// `close`, `now_ns`, `step_ns`, `schedule`, `bodies`, `grain_count`, `roles`, `mounts`, `has_failed`, `is_closed`.
-/// Other methods raise `RequestError(code="remote_unsupported")`.
+#[doc = stub!("Simulation")]
 #[pyclass(frozen, module = "ballast", name = "Simulation")]
 pub struct PySimulation {
     /// `None` once closed.
@@ -134,20 +124,7 @@ impl PySimulation {
 
 #[pymethods]
 impl PySimulation {
-    /// Advances the simulation to `t1_ns`.
-    ///
-    /// Args:
-    ///     t1_ns: end of the window, ns since the start of the run; a whole number of steps after `now_ns`.
-    ///     motions: motions of driven bodies by name. Other bodies keep their commanded pose; a body that its last cubic
-    ///         motion left moving needs a motion that continues it, or one with `allow_jump=True`.
-    ///     loads: loads on mounted bodies by name; other mounted bodies have none.
-    ///     record_steps: record the impulses of every step, see `WindowResult.step_series`.
-    ///     zones: measure the case's zones at the end of the window, see `WindowResult.zones`. This takes longer than
-    ///         the rest of a coupling step.
-    ///
-    /// Raises:
-    ///     RequestError: the request is invalid; the simulation has not changed.
-    ///     InternalError: a bug in Ballast; only `restore` makes the simulation usable again.
+    #[doc = stub!("Simulation.advance_to")]
     #[pyo3(signature = (t1_ns, motions=None, loads=None, *, record_steps=false, zones=false))]
     fn advance_to(
         &self,
@@ -163,10 +140,7 @@ impl PySimulation {
         self.with(py, |backend| backend.window(py, &spec))
     }
 
-    /// Computes the last window again from its start with other inputs, for implicit coupling.
-    ///
-    /// The window ends at the requested time, even if Ctrl-C, `stop` or an error ended it earlier the first time.
-    /// Arguments and errors are those of `advance_to`.
+    #[doc = stub!("Simulation.redo")]
     #[pyo3(signature = (motions=None, loads=None, *, record_steps=false, zones=false))]
     fn redo(
         &self,
@@ -180,9 +154,7 @@ impl PySimulation {
         self.with(py, |backend| backend.window(py, &spec))
     }
 
-    /// Advances one step, in which the case's tamping cycle moves tines and sleepers.
-    ///
-    /// The motion is that of `ballast run`, including the force limits of the case.
+    #[doc = stub!("Simulation.step_tamping_cycle")]
     #[pyo3(signature = (*, record_steps=false, zones=false))]
     fn step_tamping_cycle(
         &self,
@@ -196,22 +168,18 @@ impl PySimulation {
         })
     }
 
-    /// Result of the last window, even if its call raised an exception; None before the first and after `restore`.
+    #[doc = stub!("Simulation.last")]
     #[getter]
     fn last(&self, py: Python<'_>) -> Option<Py<PyWindowResult>> {
         lock(&self.last_result).as_ref().map(|result| result.clone_ref(py))
     }
 
-    /// Cancels the window that another thread is computing; later windows are not affected.
-    ///
-    /// The running step is dropped. The window's result has the code "stopped" and the status "early", or "discard" if
-    /// no step was complete. A remote window continues on the server, and its caller gets
-    /// `RemoteError(code="cancelled")`.
+    #[doc = stub!("Simulation.stop")]
     fn stop(&self) {
         self.calls.stop();
     }
 
-    /// Current phase of the tamping cycle: waiting, lift, insertion, squeeze, hold, withdrawal or done.
+    #[doc = stub!("Simulation.phase")]
     #[getter]
     fn phase(&self, py: Python<'_>) -> PyResult<&'static str> {
         self.with_local(py, "phase", |local| {
@@ -219,7 +187,7 @@ impl PySimulation {
         })
     }
 
-    /// Paths of the tines in the case's tamping cycle; empty without tamping.
+    #[doc = stub!("Simulation.tines")]
     #[getter]
     fn tines(&self, py: Python<'_>) -> PyResult<Vec<PyTine>> {
         self.with_local(py, "tines", |local| {
@@ -233,28 +201,17 @@ impl PySimulation {
         })
     }
 
-    /// Returns the current state, with everything that the next window depends on. The data is shared, not copied.
+    #[doc = stub!("Simulation.save")]
     fn save(&self, py: Python<'_>) -> PyResult<PyState> {
         self.with(py, |backend| backend.save(py))
     }
 
-    /// Restores a saved state of the same case.
-    ///
-    /// Raises:
-    ///     RequestError: the state belongs to another case, or a recording is open.
+    #[doc = stub!("Simulation.restore")]
     fn restore(&self, py: Python<'_>, state: &PyState) -> PyResult<()> {
         self.with(py, |backend| backend.restore(py, state))
     }
 
-    /// Sets solver parameters for all later windows and for a redo of the last one. Omitted parameters keep their value.
-    ///
-    /// Args:
-    ///     max_iterations: maximum number of iterations per step, at least 1.
-    ///     tolerance: residual below which a step counts as solved; 0: always use all iterations.
-    ///     max_penetration: penetration that ends a window, m; infinite: no limit.
-    ///
-    /// Raises:
-    ///     RequestError: a value is out of range; nothing has changed.
+    #[doc = stub!("Simulation.set_parameters")]
     #[pyo3(signature = (*, max_iterations=None, tolerance=None, max_penetration=None))]
     fn set_parameters(
         &self,
@@ -293,36 +250,22 @@ impl PySimulation {
         self.with(py, |backend| backend.set_parameters(py, &parameters))
     }
 
-    /// Returns an independent simulation that starts from the current state.
+    #[doc = stub!("Simulation.fork")]
     fn fork(&self, py: Python<'_>) -> PyResult<Self> {
         self.with_local(py, "fork", |local| local.fork(py).map(Self::local))
     }
 
-    /// Starts recording all later windows in an MCAP file, which is replaced.
-    ///
-    /// If the file cannot be written later, a RuntimeWarning is issued and the simulation continues without recording.
-    ///
-    /// Raises:
-    ///     FileError: the file cannot be created.
-    ///     RequestError: a recording is open already.
+    #[doc = stub!("Simulation.record")]
     fn record(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         self.with_local(py, "record", |local| local.record(py, path))
     }
 
-    /// Ends the recording, if one is open.
-    ///
-    /// Raises:
-    ///     FileError: the recording is incomplete.
+    #[doc = stub!("Simulation.stop_recording")]
     fn stop_recording(&self, py: Python<'_>) -> PyResult<()> {
         self.with(py, |backend| backend.stop_recording(py))
     }
 
-    /// Ends the simulation and its recording. Saved states and arrays stay valid.
-    ///
-    /// A window that another thread is computing is cancelled as by `stop`, and waited for.
-    ///
-    /// Raises:
-    ///     FileError: the recording is incomplete.
+    #[doc = stub!("Simulation.close")]
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         if !self.calls.close() {
             let text = "close: expected an idle simulation, found one that computes a window for this thread; \
@@ -355,37 +298,37 @@ impl PySimulation {
         }
     }
 
-    /// Case of the simulation.
+    #[doc = stub!("Simulation.case")]
     #[getter]
     fn case(&self, py: Python<'_>) -> PyResult<PyCase> {
         Ok(PyCase(Arc::clone(&self.context(py, "case")?.case)))
     }
 
-    /// Simulated time, ns since the start of the run.
+    #[doc = stub!("Simulation.now_ns")]
     #[getter]
     fn now_ns(&self, py: Python<'_>) -> PyResult<u64> {
         self.with(py, |backend| Ok(backend.now_ns()))
     }
 
-    /// Length of a time step, ns.
+    #[doc = stub!("Simulation.step_ns")]
     #[getter]
     fn step_ns(&self) -> u64 {
         self.info.step_ns
     }
 
-    /// Schedule of the solver: "sequential", "synchronous" or "asynchronous".
+    #[doc = stub!("Simulation.schedule")]
     #[getter]
     fn schedule(&self) -> &str {
         &self.info.schedule
     }
 
-    /// Number of computing threads, including the calling one.
+    #[doc = stub!("Simulation.threads")]
     #[getter]
     fn threads(&self, py: Python<'_>) -> PyResult<usize> {
         Ok(self.context(py, "threads")?.threads.threads())
     }
 
-    /// True after an `InternalError`, until a saved state is restored.
+    #[doc = stub!("Simulation.has_failed")]
     #[getter]
     fn has_failed(&self) -> bool {
         // A simulation that is being stepped has not failed. Waiting for it would block the interpreter.
@@ -394,19 +337,19 @@ impl PySimulation {
         backend.is_some_and(|backend| backend.common().has_failed())
     }
 
-    /// True after `close`.
+    #[doc = stub!("Simulation.is_closed")]
     #[getter]
     fn is_closed(&self) -> bool {
         self.calls.is_closing()
     }
 
-    /// Names of the driven bodies: tines, boundaries and sleepers.
+    #[doc = stub!("Simulation.bodies")]
     #[getter]
     fn bodies(&self) -> Vec<String> {
         self.info.names.to_vec()
     }
 
-    /// Role of each driven body by name: "boundary", "sleeper" or "tine".
+    #[doc = stub!("Simulation.roles")]
     #[getter]
     fn roles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let roles = PyDict::new(py);
@@ -416,7 +359,7 @@ impl PySimulation {
         Ok(roles)
     }
 
-    /// Mounts by name of the driven bodies that loads can move. All other driven bodies have prescribed motion.
+    #[doc = stub!("Simulation.mounts")]
     #[getter]
     fn mounts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let mounts = PyDict::new(py);
@@ -428,45 +371,38 @@ impl PySimulation {
         Ok(mounts)
     }
 
-    /// Number of grains, ng.
+    #[doc = stub!("Simulation.grain_count")]
     #[getter]
     fn grain_count(&self) -> usize {
         self.info.grain_count
     }
 
-    /// Measures the case's zones now; returns the results by name.
+    #[doc = stub!("Simulation.zones")]
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let measured = self.with_local(py, "zones", |local| local.zones(py))?;
         result::zones(py, measured.iter().map(|zone| ZoneMeasurement::of(0, zone)))
     }
 
-    /// Shape index of each grain (ng,), for `shape`.
+    #[doc = stub!("Simulation.shape_indices")]
     #[getter]
     fn shape_indices<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py, u32>> {
         Ok(arrays::column(py, &self.context(py, "shape_indices")?.model.grains.shape))
     }
 
-    /// Masses of the grains (ng,), kg.
+    #[doc = stub!("Simulation.masses")]
     #[getter]
     fn masses<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
         Ok(arrays::column(py, &self.context(py, "masses")?.model.grains.mass))
     }
 
-    /// Returns the corners (n, 3) of a shape in its own frame, m, and its faces.
-    ///
-    /// Each face is a list of corner indices, counter-clockwise seen from outside.
+    #[doc = stub!("Simulation.shape")]
     fn shape<'py>(&self, py: Python<'py>, index: &Bound<'py, PyAny>) -> PyResult<SolidArrays<'py>> {
         let shapes = &self.context(py, "shape")?.model.shapes;
         let shape = &shapes[inputs::index(index, "shape", shapes.len())?];
         Ok(solid(py, shape, &Pose::identity()))
     }
 
-    /// Returns the convex parts of a driven body: corners (n, 3) in the body's frame, m, and faces as in `shape`.
-    ///
-    /// Infinite walls have no parts.
-    ///
-    /// Raises:
-    ///     KeyError: no driven body has this name.
+    #[doc = stub!("Simulation.parts")]
     fn parts<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Vec<SolidArrays<'py>>> {
         let model = &self.context(py, "parts")?.model;
         let driven = model.driven_index(name).map(|d| &model.driven[d]).ok_or_else(|| {

@@ -17,13 +17,7 @@ use pyo3::types::PyBytes;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-/// A saved state. It can be copied without cost, pickled, and written to a file.
-///
-/// Arrays are read-only views of the state's own memory. They keep their values while the simulation advances, and stay
-/// valid for as long as they are referenced.
-///
-/// A state of a remote simulation stays on the server for as long as it is referenced here. It has `time_ns`, `hash`,
-/// `commanded_pose` and `commanded_twist`, can be restored, and cannot be pickled.
+#[doc = stub!("State")]
 #[pyclass(frozen, module = "ballast", name = "State")]
 pub struct PyState(pub StateStorage);
 
@@ -170,21 +164,13 @@ impl PyState {
 
 #[pymethods]
 impl PyState {
-    /// Reads a file of `write`, or a checkpoint of `ballast run`.
-    ///
-    /// Raises:
-    ///     FileError: the file cannot be read, or is not the state of a run.
+    #[doc = stub!("State.read")]
     #[staticmethod]
     fn read(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
         Ok(Self(StateStorage::Local(LocalState::read(py, &path)?)))
     }
 
-    /// Writes the state to a file, from which another process continues bit for bit.
-    ///
-    /// An existing file is replaced only if it is a state, a bed or a checkpoint.
-    ///
-    /// Raises:
-    ///     FileError: the file cannot be written, or `path` is a file of another kind.
+    #[doc = stub!("State.write")]
     fn write(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
         self.local(py, "write")?.write_with(py, |state| {
             checkpoint::may_become_a_checkpoint(&path)?;
@@ -192,7 +178,7 @@ impl PyState {
         })
     }
 
-    /// Pickles the state as the bytes of the file that `write` creates.
+    #[doc = stub!("State.__reduce__")]
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<PickledState<'py>> {
         let state = self.local(py, "pickle")?;
         let bytes = state.write_with(py, |state| checkpoint::to_bytes(PICKLE_NAME, state))?;
@@ -200,7 +186,7 @@ impl PyState {
         Ok((unpickle, (PyBytes::new(py, &bytes),)))
     }
 
-    /// Returns the state itself, which is immutable.
+    #[doc = stub!("State.__copy__")]
     fn __copy__(this: PyRef<'_, Self>) -> PyRef<'_, Self> {
         this
     }
@@ -209,7 +195,7 @@ impl PyState {
         this
     }
 
-    /// Simulated time, ns since the start of the run.
+    #[doc = stub!("State.time_ns")]
     #[getter]
     fn time_ns(&self) -> u64 {
         match &self.0 {
@@ -218,13 +204,13 @@ impl PyState {
         }
     }
 
-    /// Number of steps since the start of the run.
+    #[doc = stub!("State.step")]
     #[getter]
     fn step(&self, py: Python<'_>) -> PyResult<u64> {
         Ok(self.local(py, "step")?.state.step)
     }
 
-    /// Hash of the bodies: 128 bits as 32 hexadecimal digits, comparable with those of `ballast run`, `serve` and recordings.
+    #[doc = stub!("State.hash")]
     #[getter]
     fn hash(&self, py: Python<'_>) -> String {
         match &self.0 {
@@ -235,43 +221,43 @@ impl PyState {
         }
     }
 
-    /// Positions of the grains (ng, 3), m.
+    #[doc = stub!("State.positions")]
     #[getter]
     fn positions<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.local(py, "positions")?.grain_rows(py, |s| &s.position)
     }
 
-    /// Orientations of the grains (ng, 4), x, y, z, w.
+    #[doc = stub!("State.orientations")]
     #[getter]
     fn orientations<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.local(py, "orientations")?.grain_rows(py, |s| &s.orientation)
     }
 
-    /// Velocities of the grains (ng, 3), m/s.
+    #[doc = stub!("State.velocities")]
     #[getter]
     fn velocities<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.local(py, "velocities")?.grain_rows(py, |s| &s.velocity)
     }
 
-    /// Angular velocities of the grains (ng, 3), world axes, rad/s.
+    #[doc = stub!("State.angular_velocities")]
     #[getter]
     fn angular_velocities<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         self.local(py, "angular_velocities")?.grain_rows(py, |s| &s.angular_velocity)
     }
 
-    /// Indices of the two bodies of each contact point (nc, 2); driven bodies are numbered after the grains.
+    #[doc = stub!("State.contact_bodies")]
     #[getter]
     fn contact_bodies<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py, u32>> {
         arrays::rows(py, &self.local(py, "contact_bodies")?.state, |s| &s.contacts.bodies)
     }
 
-    /// Impulses of the last step on the first body of each contact point (nc, 3), N s.
+    #[doc = stub!("State.contact_impulses")]
     #[getter]
     fn contact_impulses<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         arrays::rows(py, &self.local(py, "contact_impulses")?.state, |s| &s.contacts.impulse)
     }
 
-    /// Positions of the contact points (nc, 3), m; a copy.
+    #[doc = stub!("State.contact_points")]
     #[getter]
     fn contact_points<'py>(&self, py: Python<'py>) -> PyResult<Matrix<'py>> {
         let state = &self.local(py, "contact_points")?.state;
@@ -283,10 +269,7 @@ impl PyState {
         Ok(arrays::table(py, &points, 3))
     }
 
-    /// Returns position (m), orientation (x, y, z, w), velocity (m/s) and angular velocity (rad/s) of a driven body.
-    ///
-    /// Raises:
-    ///     RequestError: no driven body has this name.
+    #[doc = stub!("State.body")]
     fn body<'py>(&self, py: Python<'py>, name: &str) -> PyResult<BodyArrays<'py>> {
         let local = self.local(py, "body")?;
         let state = &local.state;
@@ -299,24 +282,13 @@ impl PyState {
         ))
     }
 
-    /// Returns the position (m) and orientation (x, y, z, w) at which the next motion of a driven body must start.
-    ///
-    /// It is the end of the last commanded motion of the body or of its mount.
-    ///
-    /// Raises:
-    ///     RequestError: no driven body has this name.
+    #[doc = stub!("State.commanded_pose")]
     fn commanded_pose<'py>(&self, py: Python<'py>, name: &str) -> PyResult<VectorPair<'py>> {
         let (pose, _) = self.commanded(py, name)?;
         Ok((arrays::vector(py, &pose.position), arrays::quaternion(py, &pose.orientation)))
     }
 
-    /// Returns the linear (m/s) and angular velocity (rad/s) at the end of the last commanded motion of a driven body.
-    ///
-    /// The next cubic motion must continue them. They are zero for a body without motion, and `None` after a linear or
-    /// held motion, when any velocity is accepted.
-    ///
-    /// Raises:
-    ///     RequestError: no driven body has this name.
+    #[doc = stub!("State.commanded_twist")]
     fn commanded_twist<'py>(
         &self,
         py: Python<'py>,

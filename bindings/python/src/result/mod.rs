@@ -29,7 +29,7 @@ fn malformed(error: MessageError) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// Result of a window: a mapping from the names of driven bodies to `BodyResult`. It can be copied and pickled.
+#[doc = stub!("WindowResult")]
 #[pyclass(frozen, module = "ballast", name = "WindowResult")]
 pub struct PyWindowResult {
     /// Reply to the window, without its series.
@@ -69,47 +69,45 @@ impl PyWindowResult {
 
 #[pymethods]
 impl PyWindowResult {
-    /// Status: "ok", "warn" (a step stopped at its iteration cap), "early" (ended early, valid state) or "discard" (rolled back).
+    #[doc = stub!("WindowResult.status")]
     #[getter]
     fn status(&self) -> &'static str {
         self.reply.status.word()
     }
 
-    /// Message of the error that ended the window, or None.
+    #[doc = stub!("WindowResult.error_message")]
     #[getter]
     fn error_message(&self) -> Option<&str> {
         let message = &self.reply.message;
         (!message.is_empty()).then_some(message)
     }
 
-    /// Code of the error that ended the window, or None.
-    ///
-    /// One of "over_speed", "penetration", "not_finite", "step_failed" and "stopped" (by `stop`, `close` or Ctrl-C).
+    #[doc = stub!("WindowResult.code")]
     #[getter]
     fn code(&self) -> Option<&str> {
         let code = &self.reply.code;
         (!code.is_empty()).then_some(code)
     }
 
-    /// Start of the window, ns since the start of the run.
+    #[doc = stub!("WindowResult.t0_ns")]
     #[getter]
     fn t0_ns(&self) -> i64 {
         self.reply.t0_ns
     }
 
-    /// End of the window as far as it was computed, ns since the start of the run.
+    #[doc = stub!("WindowResult.t1_ns")]
     #[getter]
     fn t1_ns(&self) -> i64 {
         self.reply.t1_ns
     }
 
-    /// Number of computed steps.
+    #[doc = stub!("WindowResult.steps")]
     #[getter]
     fn steps(&self) -> u64 {
         self.reply.steps
     }
 
-    /// Results of the driven bodies by name.
+    #[doc = stub!("WindowResult.bodies")]
     #[getter]
     fn bodies<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let bodies = PyDict::new(py);
@@ -119,15 +117,13 @@ impl PyWindowResult {
         Ok(bodies)
     }
 
-    /// Results of the zones by name at the end of the window; empty unless requested with `zones=True`.
+    #[doc = stub!("WindowResult.zones")]
     #[getter]
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         zones(py, self.reply.zones.iter().cloned())
     }
 
-    /// Squeezes in progress during the window, by pair of tines ("pair_0"); the later one if a pair had two.
-    ///
-    /// docs/src/coupling/concepts.md defines when a squeeze starts and ends.
+    #[doc = stub!("WindowResult.squeezes")]
     #[getter]
     fn squeezes<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let squeezes = PyDict::new(py);
@@ -137,31 +133,31 @@ impl PyWindowResult {
         Ok(squeezes)
     }
 
-    /// Result of the contact solver.
+    #[doc = stub!("WindowResult.solver")]
     #[getter]
     fn solver(&self) -> PySolverResult {
         PySolverResult(self.reply.solver)
     }
 
-    /// Energies since the start of the run.
+    #[doc = stub!("WindowResult.energy")]
     #[getter]
     fn energy(&self) -> PyEnergyLedger {
         PyEnergyLedger(self.reply.energy)
     }
 
-    /// Largest sensible spacing of motion knots at the bodies' current speed, ns; 0 if nothing moves or in a recording.
+    #[doc = stub!("WindowResult.max_knot_spacing_ns")]
     #[getter]
     fn max_knot_spacing_ns(&self) -> u64 {
         self.reply.max_knot_spacing_ns
     }
 
-    /// Wall time of the window, s: computing, or waiting for a remote reply; nan in a recording.
+    #[doc = stub!("WindowResult.wall_time_s")]
     #[getter]
     fn wall_time_s(&self) -> f64 {
         self.wall_time_s
     }
 
-    /// Values of every step; None unless requested with `record_steps=True`.
+    #[doc = stub!("WindowResult.step_series")]
     #[getter]
     fn step_series(&self, py: Python<'_>) -> Option<Py<PyStepSeries>> {
         self.step_series.as_ref().map(|series| series.clone_ref(py))
@@ -175,17 +171,17 @@ impl PyWindowResult {
         self.names.len()
     }
 
-    /// Returns the names of the bodies.
+    #[doc = stub!("WindowResult.keys")]
     fn keys<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.bodies(py)?.call_method0("keys")
     }
 
-    /// Returns the results of the bodies.
+    #[doc = stub!("WindowResult.values")]
     fn values<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.bodies(py)?.call_method0("values")
     }
 
-    /// Returns pairs of name and result of the bodies.
+    #[doc = stub!("WindowResult.items")]
     fn items<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         self.bodies(py)?.call_method0("items")
     }
@@ -198,7 +194,7 @@ impl PyWindowResult {
         })
     }
 
-    /// Returns the result of a body, or `default` if no driven body has this name.
+    #[doc = stub!("WindowResult.get")]
     #[pyo3(signature = (name, default=None))]
     fn get(&self, py: Python<'_>, name: &str, default: Option<Py<PyAny>>) -> PyResult<Py<PyAny>> {
         match self.body(name) {

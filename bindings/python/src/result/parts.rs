@@ -67,46 +67,46 @@ fn vector<'py>(py: Python<'py>, v: Vector3) -> Vector<'py> {
     arrays::column(py, &[v.x, v.y, v.z])
 }
 
-/// Action of the ballast on a driven body during a window, about its reference point, world axes.
+#[doc = stub!("BodyResult")]
 #[pyclass(frozen, module = "ballast", name = "BodyResult")]
 pub struct PyBodyResult(pub WrenchImpulse);
 
 message_class!(PyBodyResult("BodyResult"):
-    /// Impulse of the ballast on the body over the window (3,), N s.
+    #[doc = stub!("BodyResult.impulse")]
     impulse: Vector<'py> = |m, py| vector(py, m.impulse),
-    /// Angular impulse of the ballast on the body over the window (3,), N m s.
+    #[doc = stub!("BodyResult.angular_impulse")]
     angular_impulse: Vector<'py> = |m, py| vector(py, m.angular_impulse),
-    /// Mean force over the window (3,), N: the impulse divided by the length of the window.
+    #[doc = stub!("BodyResult.mean_force")]
     mean_force: Vector<'py> = |m, py| vector(py, m.mean.force),
-    /// Mean torque over the window (3,), N m.
+    #[doc = stub!("BodyResult.mean_torque")]
     mean_torque: Vector<'py> = |m, py| vector(py, m.mean.torque),
-    /// Mean force over the last 4 ms in whole steps, at least one (3,), N; may include steps before the window.
+    #[doc = stub!("BodyResult.moving_average_force")]
     moving_average_force: Vector<'py> = |m, py| vector(py, m.moving_average.force),
-    /// Mean torque over the last 4 ms in whole steps, at least one (3,), N m; may include steps before the window.
+    #[doc = stub!("BodyResult.moving_average_torque")]
     moving_average_torque: Vector<'py> = |m, py| vector(py, m.moving_average.torque),
-    /// Largest mean force of a single step (3,), N.
+    #[doc = stub!("BodyResult.peak_force")]
     peak_force: Vector<'py> = |m, py| vector(py, m.peak_force),
-    /// Mean torque of the step with the peak force (3,), N m.
+    #[doc = stub!("BodyResult.peak_torque")]
     peak_torque: Vector<'py> = |m, py| vector(py, m.peak_torque),
-    /// End of the step with the peak force, ns since the start of the run; the window's start if no force acted.
+    #[doc = stub!("BodyResult.peak_time_ns")]
     peak_time_ns: i64 = |m, _| m.peak_time_ns,
-    /// Work of the body on the ballast, J.
+    #[doc = stub!("BodyResult.work")]
     work: f64 = |m, _| m.work,
-    /// Number of contact points with an impulse in the last step.
+    #[doc = stub!("BodyResult.contacts")]
     contacts: u32 = |m, _| m.contacts,
-    /// Position at the end of the window (3,), m.
+    #[doc = stub!("BodyResult.position")]
     position: Vector<'py> = |m, py| {
         let p = m.pose.position;
         arrays::column(py, &[p.x, p.y, p.z])
     },
-    /// Orientation at the end of the window (4,), x, y, z, w.
+    #[doc = stub!("BodyResult.orientation")]
     orientation: Vector<'py> = |m, py| {
         let q = m.pose.orientation;
         arrays::column(py, &[q.x, q.y, q.z, q.w])
     },
-    /// Velocity at the end of the window (3,), m/s.
+    #[doc = stub!("BodyResult.velocity")]
     velocity: Vector<'py> = |m, py| vector(py, m.twist.linear),
-    /// Angular velocity at the end of the window (3,), rad/s.
+    #[doc = stub!("BodyResult.angular_velocity")]
     angular_velocity: Vector<'py> = |m, py| vector(py, m.twist.angular),;
 
     fn __repr__(&self) -> String {
@@ -135,22 +135,22 @@ fn measured(value: f64) -> Option<f64> {
     (!value.is_nan()).then_some(value)
 }
 
-/// Measurements of a zone at the end of a window; values that cannot be measured are None.
+#[doc = stub!("ZoneResult")]
 #[pyclass(frozen, module = "ballast", name = "ZoneResult")]
 pub struct PyZoneResult(ZoneMeasurement);
 
 message_class!(PyZoneResult("ZoneResult"):
-    /// Lowest corner of the zone (3,), m.
+    #[doc = stub!("ZoneResult.low")]
     low: Vector<'py> = |m, py| arrays::column(py, &[m.low.x, m.low.y, m.low.z]),
-    /// Highest corner of the zone (3,), m.
+    #[doc = stub!("ZoneResult.high")]
     high: Vector<'py> = |m, py| arrays::column(py, &[m.high.x, m.high.y, m.high.z]),
-    /// Compactness: solid volume divided by accessible volume, 0 to 1.
+    #[doc = stub!("ZoneResult.compactness")]
     compactness: Option<f64> = |m, _| measured(m.compactness),
-    /// Mean number of touching neighbours per grain.
+    #[doc = stub!("ZoneResult.coordination")]
     coordination: Option<f64> = |m, _| measured(m.coordination),
-    /// Inertial number of the granular flow (T-22), dimensionless.
+    #[doc = stub!("ZoneResult.inertial_number")]
     inertial_number: Option<f64> = |m, _| measured(m.inertial_number),
-    /// Mean pressure in the last step, Pa.
+    #[doc = stub!("ZoneResult.pressure")]
     pressure: f64 = |m, _| m.mean_pressure,;
 
     fn __repr__(&self) -> String {
@@ -160,30 +160,30 @@ message_class!(PyZoneResult("ZoneResult"):
     }
 );
 
-/// Squeeze of a pair of facing tines, measured up to the last complete vibration period.
+#[doc = stub!("Squeeze")]
 #[pyclass(frozen, module = "ballast", name = "Squeeze")]
 pub struct PySqueeze(pub SqueezeReport);
 
 message_class!(PySqueeze("Squeeze"):
-    /// Number of the squeeze for its pair, from 1.
+    #[doc = stub!("Squeeze.number")]
     number: u32 = |m, _| m.number,
-    /// True when the pair has opened again.
+    #[doc = stub!("Squeeze.is_finished")]
     is_finished: bool = |m, _| m.is_finished,
-    /// Time of the pair's widest opening, ns since the start of the run; closings are measured from there.
+    #[doc = stub!("Squeeze.start_ns")]
     start_ns: i64 = |m, _| m.start_ns,
-    /// Time at which ballast resistance starts: end of the first vibration period with sustained force, ns; `None` before.
+    #[doc = stub!("Squeeze.onset_ns")]
     onset_ns: Option<i64> = |m, _| (m.onset_ns != -1).then_some(m.onset_ns),
-    /// Closing of one side, averaged over the last vibration period, m.
+    #[doc = stub!("Squeeze.closing")]
     closing: f64 = |m, _| m.closing,
-    /// Largest force of one side, averaged over a vibration period, N.
+    #[doc = stub!("Squeeze.peak_force")]
     peak_force: f64 = |m, _| m.peak_force,
-    /// Largest force of one side in a single step, N.
+    #[doc = stub!("Squeeze.peak_step_force")]
     peak_step_force: f64 = |m, _| m.peak_step_force,
-    /// Work of both tines on the ballast after the first 2 mm of closing, including vibration, J.
+    #[doc = stub!("Squeeze.work")]
     work: f64 = |m, _| m.work,
-    /// Work of the period-averaged force along the largest closing, both sides, J.
+    #[doc = stub!("Squeeze.compaction_energy")]
     compaction_energy: f64 = |m, _| m.compaction_energy,
-    /// Force-displacement loop (n, 2): closing (m) and period-averaged force (N) of one side.
+    #[doc = stub!("Squeeze.loop")]
     r#loop: Matrix<'py> = |m, py| {
         let points = m.loop_closing.iter().zip(&m.loop_force);
         let numbers: Vec<f64> = points.flat_map(|(closing, force)| [*closing, *force]).collect();
@@ -198,28 +198,28 @@ message_class!(PySqueeze("Squeeze"):
     }
 );
 
-/// Result of the contact solver in a window.
+#[doc = stub!("SolverResult")]
 #[pyclass(frozen, module = "ballast", name = "SolverResult")]
 pub struct PySolverResult(pub SolverStats);
 
 message_class!(PySolverResult("SolverResult"):
-    /// Number of iterations over all steps.
+    #[doc = stub!("SolverResult.iterations")]
     iterations: u64 = |m, _| m.iterations,
-    /// Number of local contact solves over all steps.
+    #[doc = stub!("SolverResult.visits")]
     visits: u64 = |m, _| m.visits,
-    /// Number of steps that stopped at their iteration cap above the tolerance; 0 without a tolerance.
+    #[doc = stub!("SolverResult.steps_not_converged")]
     steps_not_converged: u64 = |m, _| m.steps_not_converged,
-    /// Largest QM/16 residual of a step, dimensionless.
+    #[doc = stub!("SolverResult.residual_qm16")]
     residual_qm16: f64 = |m, _| m.residual_qm16,
-    /// Largest natural-map residual of a step, dimensionless.
+    #[doc = stub!("SolverResult.residual_natural_map")]
     residual_natural_map: f64 = |m, _| m.residual_natural_map,
-    /// Number of contacts in the last step.
+    #[doc = stub!("SolverResult.contacts")]
     contacts: u64 = |m, _| m.contacts,
-    /// Number of active contacts in the last step.
+    #[doc = stub!("SolverResult.active_contacts")]
     active_contacts: u64 = |m, _| m.active_contacts,
-    /// Mean penetration in the last step, m.
+    #[doc = stub!("SolverResult.mean_penetration")]
     mean_penetration: f64 = |m, _| m.mean_penetration,
-    /// Largest penetration of all steps, m.
+    #[doc = stub!("SolverResult.max_penetration")]
     max_penetration: f64 = |m, _| m.max_penetration,;
 
     fn __repr__(&self) -> String {
@@ -231,24 +231,24 @@ message_class!(PySolverResult("SolverResult"):
     }
 );
 
-/// Energies of the grains since the start of the run, J.
+#[doc = stub!("EnergyLedger")]
 #[pyclass(frozen, module = "ballast", name = "EnergyLedger")]
 pub struct PyEnergyLedger(pub EnergyBalance);
 
 message_class!(PyEnergyLedger("EnergyLedger"):
-    /// Kinetic energy at the start of the run, J.
+    #[doc = stub!("EnergyLedger.initial_kinetic")]
     initial_kinetic: f64 = |m, _| m.initial_kinetic,
-    /// Potential energy at the start of the run, J.
+    #[doc = stub!("EnergyLedger.initial_potential")]
     initial_potential: f64 = |m, _| m.initial_potential,
-    /// Current kinetic energy, J.
+    #[doc = stub!("EnergyLedger.kinetic")]
     kinetic: f64 = |m, _| m.kinetic,
-    /// Current potential energy, J.
+    #[doc = stub!("EnergyLedger.potential")]
     potential: f64 = |m, _| m.potential,
-    /// Work of the driven bodies on the grains, J.
+    #[doc = stub!("EnergyLedger.external_work")]
     external_work: f64 = |m, _| m.external_work,
-    /// Energy dissipated by friction and impacts, J.
+    #[doc = stub!("EnergyLedger.dissipated")]
     dissipated: f64 = |m, _| m.dissipated,
-    /// Energy that the ledger cannot account for, J.
+    #[doc = stub!("EnergyLedger.balance_error")]
     balance_error: f64 = |m, _| m.balance_error,;
 
     fn __repr__(&self) -> String {

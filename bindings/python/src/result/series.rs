@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::sync::Arc;
 
-/// Values of every step of a window.
+#[doc = stub!("StepSeries")]
 #[pyclass(frozen, module = "ballast", name = "StepSeries")]
 pub struct PyStepSeries {
     steps: StepSeries,
@@ -28,26 +28,26 @@ impl PyStepSeries {
 
 #[pymethods]
 impl PyStepSeries {
-    /// End of each step (n,), ns since the start of the run.
+    #[doc = stub!("StepSeries.time_ns")]
     #[getter]
     fn time_ns<'py>(&self, py: Python<'py>) -> Vector<'py, u64> {
         let times = self.steps.time_ns.iter().map(|t| u64::try_from(*t).unwrap_or(0));
         arrays::column(py, &times.collect::<Vec<_>>())
     }
 
-    /// Number of iterations of each step (n,).
+    #[doc = stub!("StepSeries.iterations")]
     #[getter]
     fn iterations<'py>(&self, py: Python<'py>) -> Vector<'py, u32> {
         arrays::column(py, &self.steps.iterations)
     }
 
-    /// QM/16 residual at the end of each step (n,), dimensionless.
+    #[doc = stub!("StepSeries.residual_qm16")]
     #[getter]
     fn residual_qm16<'py>(&self, py: Python<'py>) -> Vector<'py> {
         arrays::column(py, &self.steps.residual_qm16)
     }
 
-    /// Impulse (N s) and angular impulse (N m s) of each step by driven body (n, 6).
+    #[doc = stub!("StepSeries.impulses")]
     #[getter]
     fn impulses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let impulses = PyDict::new(py);
