@@ -53,7 +53,8 @@ pub struct ContinuityTolerance {
     /// Jump of the velocity, m/s.
     #[serde(rename = "speed_m_per_s")]
     pub speed: f64,
-    #[serde(rename = "spin_rad_per_s")]
+    /// Jump of the angular velocity, rad/s.
+    #[serde(rename = "angular_velocity_rad_per_s")]
     pub angular_velocity: f64,
 }
 

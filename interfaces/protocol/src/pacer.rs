@@ -20,7 +20,7 @@ use crate::lockstep::{ComponentState, ErrorCode, RequestError, StatusReport};
 use crate::messages::{BodyMotion, MotionKnot, ns};
 use crate::real_time::{RealTimeMode, RealTimeStatus};
 use ballast::component::{self, Component};
-use motion_limit::MotionLimit;
+use motion_limit::SampleMotionLimit;
 use std::collections::VecDeque;
 
 /// Maximum number of queued samples per body.
@@ -71,7 +71,7 @@ pub struct Pacer {
 #[derive(Debug, Clone, PartialEq)]
 struct SampleTrack {
     body: String,
-    limit: MotionLimit,
+    limit: SampleMotionLimit,
     knots: VecDeque<MotionKnot>,
     /// Wall time of the last sample, ns.
     last_sample_at: u64,
@@ -147,7 +147,7 @@ impl Pacer {
             let pose = state.imposed(model, d).into();
             let twist = component.twist(d).unwrap_or_default().into();
             let start = MotionKnot { time_ns: ns(now_ns), pose, twist };
-            let limit = MotionLimit::new(component, d, settings.interpolation.into());
+            let limit = SampleMotionLimit::new(component, d, settings.interpolation.into());
             Ok(SampleTrack {
                 body: body.clone(),
                 limit,

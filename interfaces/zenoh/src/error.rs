@@ -8,10 +8,20 @@ use ballast_protocol::lockstep::RequestError;
 pub enum Error {
     /// The name of the component is invalid.
     #[error("key: expected {expected}, found {found:?}")]
-    InvalidName { expected: &'static str, found: String },
+    InvalidName {
+        /// Values that are accepted.
+        expected: &'static str,
+        /// Value found.
+        found: String,
+    },
     /// The transport failed, or its configuration is invalid.
     #[error("{place}: {reason}")]
-    Transport { place: String, reason: String },
+    Transport {
+        /// Endpoint, file or setting.
+        place: String,
+        /// Message of the transport.
+        reason: String,
+    },
     /// The component has refused the request; nothing has changed there.
     #[error(transparent)]
     Rejected(#[from] RequestError),
@@ -19,21 +29,60 @@ pub enum Error {
     #[error(
         "{request}: no reply within {waited_s:.1} s, although {component} is alive: {activity}"
     )]
-    Timeout { request: String, component: String, waited_s: f64, activity: String },
+    Timeout {
+        /// Name of the request.
+        request: String,
+        /// Name of the component.
+        component: String,
+        /// Time since the request, s.
+        waited_s: f64,
+        /// Last known activity of the component.
+        activity: String,
+    },
     /// The component is disconnected: it has no liveliness token and publishes no heartbeat.
     #[error("{request}: {component} is disconnected: no heartbeat for {silent_s:.1} s{hint}")]
-    Disconnected { request: String, component: String, silent_s: f64, hint: &'static str },
+    Disconnected {
+        /// Name of the request.
+        request: String,
+        /// Name of the component.
+        component: String,
+        /// Time without heartbeat, s.
+        silent_s: f64,
+        /// Hint at the cause; may be empty.
+        hint: &'static str,
+    },
     /// The caller has cancelled the wait; repeating the request is safe, as after [`Error::Timeout`].
     #[error("{request}: cancelled after {waited_s:.1} s; {component} continues with it")]
-    Cancelled { request: String, component: String, waited_s: f64 },
+    Cancelled {
+        /// Name of the request.
+        request: String,
+        /// Name of the component.
+        component: String,
+        /// Time since the request, s.
+        waited_s: f64,
+    },
     /// Another client has changed the run, or it has lost windows that cannot be repeated.
     ///
     /// Every call that continues the run fails until a state is restored or a new run is started.
     #[error("{component}, run {run_id}: expected {expected}, found {found}")]
-    Diverged { component: String, run_id: String, expected: String, found: String },
+    Diverged {
+        /// Name of the component.
+        component: String,
+        /// Identifier of the run.
+        run_id: String,
+        /// Values that are accepted.
+        expected: String,
+        /// Value found.
+        found: String,
+    },
     /// The reply cannot be decoded.
     #[error("reply to {request}: {what}")]
-    BadReply { request: String, what: String },
+    BadReply {
+        /// Name of the request.
+        request: String,
+        /// Description of the error.
+        what: String,
+    },
 }
 
 impl Error {

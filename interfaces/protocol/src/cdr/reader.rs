@@ -9,11 +9,11 @@ pub(super) struct CdrReader<'a> {
     at: usize,
     little: bool,
     /// Path of the current field; kept on errors, so that they name their place.
-    path: Vec<PathSegment>,
+    path: Vec<FieldPathSegment>,
 }
 
 #[derive(Debug, Clone, Copy)]
-enum PathSegment {
+enum FieldPathSegment {
     Field(&'static str),
     Item(usize),
 }
@@ -45,9 +45,9 @@ impl<'a> CdrReader<'a> {
         let mut text = String::new();
         for step in &self.path {
             match step {
-                PathSegment::Field(name) if text.is_empty() => text += name,
-                PathSegment::Field(name) => text += &format!(".{name}"),
-                PathSegment::Item(index) => text += &format!("[{index}]"),
+                FieldPathSegment::Field(name) if text.is_empty() => text += name,
+                FieldPathSegment::Field(name) => text += &format!(".{name}"),
+                FieldPathSegment::Item(index) => text += &format!("[{index}]"),
             }
         }
         format!("{text}, byte {}", self.at + 4)
@@ -219,7 +219,7 @@ impl<'de> Deserializer<'de> for &mut CdrReader<'de> {
 /// Reads one field or item and keeps the path up to date.
 fn read_part<'de, S: DeserializeSeed<'de>>(
     reader: &mut CdrReader<'de>,
-    step: PathSegment,
+    step: FieldPathSegment,
     seed: S,
 ) -> Result<Option<S::Value>, MessageError> {
     reader.path.push(step);
@@ -245,7 +245,7 @@ impl<'de> SeqAccess<'de> for ItemAccess<'_, 'de> {
             return Ok(None);
         }
         self.next += 1;
-        read_part(self.reader, PathSegment::Item(self.next - 1), seed)
+        read_part(self.reader, FieldPathSegment::Item(self.next - 1), seed)
     }
 
     fn size_hint(&self) -> Option<usize> {
@@ -267,7 +267,7 @@ impl<'de> SeqAccess<'de> for FieldAccess<'_, 'de> {
     ) -> Result<Option<S::Value>, MessageError> {
         let Some((name, rest)) = self.names.split_first() else { return Ok(None) };
         self.names = rest;
-        read_part(self.reader, PathSegment::Field(name), seed)
+        read_part(self.reader, FieldPathSegment::Field(name), seed)
     }
 
     fn size_hint(&self) -> Option<usize> {

@@ -5,6 +5,7 @@
 
 mod catalogue;
 mod convert;
+mod convert_results;
 mod enums;
 mod hash;
 mod input;

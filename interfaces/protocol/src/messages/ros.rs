@@ -1,4 +1,8 @@
 //! Standard message types of ROS 2.
+//!
+//! The fields are those of the definitions in `msg`.
+
+#![allow(missing_docs)]
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -19,15 +23,20 @@ message!(
     Time { sec: i32, nanosec: u32 }
 );
 message!(
+    /// Duration: whole seconds, and nanoseconds from 0 to 999 999 999.
     #[derive(Copy, Eq)]
     Duration { sec: i32, nanosec: u32 }
 );
-message!(Header { stamp: Time, frame_id: String });
 message!(
+    /// Time stamp and frame of a message.
+    Header { stamp: Time, frame_id: String });
+message!(
+    /// Vector in space.
     #[derive(Copy)]
     Vector3 { x: f64, y: f64, z: f64 }
 );
 message!(
+    /// Position in space, m.
     #[derive(Copy)]
     Point { x: f64, y: f64, z: f64 }
 );
@@ -49,6 +58,7 @@ impl Default for Quaternion {
 }
 
 message!(
+    /// Position and orientation.
     #[derive(Copy)]
     Pose { position: Point, orientation: Quaternion }
 );
@@ -62,16 +72,28 @@ message!(
     #[derive(Copy)]
     Wrench { force: Vector3, torque: Vector3 }
 );
-message!(PoseStamped { header: Header, pose: Pose });
-message!(TwistStamped { header: Header, twist: Twist });
-message!(WrenchStamped { header: Header, wrench: Wrench });
 message!(
+    /// Pose with time and frame.
+    PoseStamped { header: Header, pose: Pose });
+message!(
+    /// Twist with time and frame.
+    TwistStamped { header: Header, twist: Twist });
+message!(
+    /// Wrench with time and frame.
+    WrenchStamped { header: Header, wrench: Wrench });
+message!(
+    /// Translation, m, and rotation between two frames.
     #[derive(Copy)]
     Transform { translation: Vector3, rotation: Quaternion }
 );
-message!(TransformStamped { header: Header, child_frame_id: String, transform: Transform });
-message!(TFMessage { transforms: Vec<TransformStamped> });
 message!(
+    /// Transform from the frame of the header to a child frame, with time.
+    TransformStamped { header: Header, child_frame_id: String, transform: Transform });
+message!(
+    /// Transforms of several frames.
+    TFMessage { transforms: Vec<TransformStamped> });
+message!(
+    /// Simulated time.
     #[derive(Copy, Eq)]
     Clock { clock: Time }
 );
@@ -79,7 +101,9 @@ message!(
     /// Field of the points of a cloud; `datatype` 7 is a 32-bit float.
     PointField { name: String, offset: u32, datatype: u8, count: u32 }
 );
-message!(PointCloud2 {
+message!(
+    /// Point cloud with binary data.
+    PointCloud2 {
     header: Header,
     height: u32,
     width: u32,

@@ -14,6 +14,7 @@ pub const MAX_SERIES_ENTRIES: u64 = 50_000;
 message!(
     /// Impulses by the ballast on a body in each step, about its reference point, world axes.
     BodySeries {
+        /// Name of the body.
         body: String,
         /// Impulse of each step, N s.
         impulse: Vec<Vector3>,

@@ -12,7 +12,7 @@ const MAX_RATE_RATIO: f64 = 1.2;
 
 /// Limit of the motion of one body.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct MotionLimit {
+pub(super) struct SampleMotionLimit {
     /// Maximum displacement of a point of the body in a step, m.
     max_displacement: f64,
     /// Length of a step, s.
@@ -22,7 +22,7 @@ pub(super) struct MotionLimit {
     interpolation: Interpolation,
 }
 
-impl MotionLimit {
+impl SampleMotionLimit {
     pub fn new(component: &Component, d: usize, interpolation: Interpolation) -> Self {
         let (model, state) = (component.model(), component.state());
         let limit = SpeedLimit::new(model);

@@ -259,7 +259,7 @@ fn a_flood_of_requests_is_refused_and_holds_nobody_up() {
             let verb = ["status", "attach", "advance", "param"][k % 4];
             let to = Arc::clone(&counts);
             let get = stranger.session.get(stranger.keys.control(verb));
-            let get = get.payload(r#"{"client":"nobody"}"#).callback(move |reply| {
+            let get = get.payload(r#"{"client":"unknown"}"#).callback(move |reply| {
                 let bytes = reply.result().err().map(|e| e.payload().to_bytes().into_owned());
                 let is_flood = bytes.is_some_and(|b| {
                     serde_json::from_slice(&b)
