@@ -2,7 +2,7 @@
 #![no_main]
 
 use ballast_hdf5::{checkpoint, fclib, inspect, results};
-use ballast_mcap::messages::Messages;
+use ballast_mcap::messages::MessageReader;
 use libfuzzer_sys::fuzz_target;
 use std::path::Path;
 
@@ -23,7 +23,7 @@ fn read(path: &Path) {
             let _ = reader.series(&name);
         }
     }
-    if let Ok(mut messages) = Messages::open(path) {
+    if let Ok(mut messages) = MessageReader::open(path) {
         while let Ok(Some(_)) = messages.next() {}
     }
 }

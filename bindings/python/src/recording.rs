@@ -6,7 +6,7 @@ use crate::inputs::{PyLoad, PyMotion};
 use crate::lock::lock;
 use crate::result::PyWindowResult;
 use crate::state::{LocalState, PyState, StateStorage};
-use ballast_mcap::recording::{Window, Windows};
+use ballast_mcap::recording::{RecordedWindow, WindowReader};
 use ballast_protocol::messages::{
     AdvanceInputs, AdvanceReply, EnergyBalance, Message, ReplyStatus, SolverParameters,
     SolverStats, SqueezeReport, WrenchImpulse, ZoneMeasurement,
@@ -24,7 +24,7 @@ use std::sync::{Arc, Mutex};
 #[pyclass(frozen, module = "ballast", name = "Recording")]
 pub struct PyRecording {
     path: PathBuf,
-    windows: Mutex<Windows>,
+    windows: Mutex<WindowReader>,
     /// The truncation was reported by a warning or an exception.
     is_reported: AtomicBool,
 }
@@ -33,7 +33,7 @@ pub struct PyRecording {
 impl PyRecording {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let windows = py.detach(|| Windows::open(&path)).map_err(|e| errors::file(py, e))?;
+        let windows = py.detach(|| WindowReader::open(&path)).map_err(|e| errors::file(py, e))?;
         Ok(Self { path, windows: Mutex::new(windows), is_reported: AtomicBool::new(false) })
     }
 
@@ -42,7 +42,7 @@ impl PyRecording {
     fn case(&self, py: Python<'_>) -> PyResult<PyCase> {
         let meta = py.detach(|| lock(&self.windows).meta().clone());
         let choices =
-            CaseOverrides::from_notes(&meta.choices).map_err(|e| self.file_error(py, e))?;
+            CaseOverrides::from_notes(&meta.overrides).map_err(|e| self.file_error(py, e))?;
         let name = format!("{}, its case", self.path.display());
         Ok(PyCase(Arc::new(case::read(py, meta.case_text, &name)?.with_overrides(choices))))
     }
@@ -88,7 +88,7 @@ impl PyRecording {
     #[doc = stub!("Recording.truncation")]
     #[getter]
     fn truncation(&self, py: Python<'_>) -> Option<String> {
-        py.detach(|| lock(&self.windows).lost().map(ToString::to_string))
+        py.detach(|| lock(&self.windows).truncation().map(ToString::to_string))
     }
 
     fn __repr__(&self) -> String {
@@ -99,7 +99,7 @@ impl PyRecording {
 impl PyRecording {
     /// Reports once that the file is incomplete: by a warning if it is cut short, by an exception if it is damaged.
     fn report_truncation(&self, py: Python<'_>) -> PyResult<()> {
-        let read = || lock(&self.windows).lost().map(|lost| (lost.is_cut, lost.to_string()));
+        let read = || lock(&self.windows).truncation().map(|lost| (lost.is_cut, lost.to_string()));
         let Some((is_cut, truncation)) = py.detach(read) else { return Ok(()) };
         if self.is_reported.swap(true, Ordering::Relaxed) {
             return Ok(());
@@ -146,7 +146,7 @@ fn parameters<'py>(
 }
 
 /// Returns the reply to a window, from the messages that it recorded.
-fn reply(window: &Window, step_ns: u64) -> Result<AdvanceReply, MessageError> {
+fn reply(window: &RecordedWindow, step_ns: u64) -> Result<AdvanceReply, MessageError> {
     let record = &window.record;
     let length = u64::try_from(record.t1_ns - record.t0_ns).unwrap_or(0);
     let mut reply = AdvanceReply {

@@ -9,7 +9,7 @@
 
 use ballast::track::plan::{Plan, TinePlan};
 use ballast::track::tamping_cycle::start_position;
-use ballast_mcap::{Entry, Writer};
+use ballast_mcap::{McapWriter, TopicMessage};
 use ballast_protocol::messages::{Header, PoseStamped, TwistStamped, Vector3};
 use std::error::Error;
 use std::path::Path;
@@ -35,18 +35,18 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [case, out] = &arguments[..] else { return Err("usage: recorded_tamping CASE OUT".into()) };
     let text = std::fs::read_to_string(case)?;
     let plan = ballast_scenario::read_case(&text, case).map_err(|e| e.to_string())?.plan;
-    let mut writer = Writer::create(Path::new(out), None)?;
+    let mut writer = McapWriter::create(Path::new(out), None)?;
     for ms in 0..=DURATION {
         for (body, place) in machine(&plan, ms as f64 * 1e-3)? {
             let header = Header::world(ms * 1_000_000);
             let mut pose = PoseStamped { header: header.clone(), ..PoseStamped::default() };
             (pose.pose.position.x, pose.pose.position.y, pose.pose.position.z) =
                 (place[0].value, place[1].value, place[2].value);
-            writer.write(&Entry::of(format!("/{body}/pose"), ms * 1_000_000, &pose)?)?;
+            writer.write(&TopicMessage::of(format!("/{body}/pose"), ms * 1_000_000, &pose)?)?;
             let linear = Vector3 { x: place[0].rate, y: place[1].rate, z: place[2].rate };
             let mut twist = TwistStamped { header, ..TwistStamped::default() };
             twist.twist.linear = linear;
-            writer.write(&Entry::of(format!("/{body}/twist"), ms * 1_000_000, &twist)?)?;
+            writer.write(&TopicMessage::of(format!("/{body}/twist"), ms * 1_000_000, &twist)?)?;
         }
     }
     writer.finish()?;

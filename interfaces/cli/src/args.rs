@@ -175,7 +175,7 @@ pub struct ReplayArgs {
     /// Topic that moves a body: TOPIC=BODY, or TOPIC:FRAME=BODY for transforms (default: the windows that
     /// Ballast recorded, or the topics /<body>/pose and transforms to the frame <body>)
     #[arg(long, value_name = "MAP")]
-    pub map: Vec<ballast_mcap::motion::Map>,
+    pub map: Vec<ballast_mcap::motion::TopicMap>,
     /// Time of a message that counts (default: stamp)
     #[arg(long)]
     pub time: Option<TimeName>,

@@ -6,11 +6,11 @@ use ballast::component::Parameters;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
-use ballast_mcap::recording::Windows;
+use ballast_mcap::recording::WindowReader;
 
 /// Model and state at the beginning of `windows`; `model` and `state` are those of the case.
 pub fn initial_scene(
-    windows: &Windows,
+    windows: &WindowReader,
     case: &Case,
     model: Model,
     state: State,
@@ -19,7 +19,7 @@ pub fn initial_scene(
         // What is damaged may have been the start.
         let begins_here =
             || windows.meta().initial_hash == ballast_hdf5::state_hash(&model, &state).into();
-        return match windows.lost() {
+        return match windows.truncation() {
             Some(lost) if !begins_here() => {
                 let what = format!("it is damaged before its first window: {lost}");
                 Err(Failure::at(windows.path(), what))
@@ -36,7 +36,7 @@ pub fn initial_scene(
 
 /// Checks that a recording that holds its start belongs to `case`, before the bed is prepared; `model` is that of the case
 /// without grains.
-pub fn check_case(windows: &Windows, case: &Case, model: &Model) -> Outcome {
+pub fn check_case(windows: &WindowReader, case: &Case, model: &Model) -> Outcome {
     let Some(bytes) = windows.start() else { return Ok(()) };
     let saved = saved(windows, bytes)?;
     let name = format!("{}, its case", windows.path().display());
@@ -53,12 +53,12 @@ pub fn check_case(windows: &Windows, case: &Case, model: &Model) -> Outcome {
     Err(other_case(windows, case))
 }
 
-fn saved(windows: &Windows, bytes: &[u8]) -> Outcome<Checkpoint> {
+fn saved(windows: &WindowReader, bytes: &[u8]) -> Outcome<Checkpoint> {
     let saved = checkpoint::from_bytes(bytes);
     saved.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))
 }
 
-fn other_case(windows: &Windows, case: &Case) -> Failure {
+fn other_case(windows: &WindowReader, case: &Case) -> Failure {
     let name = &case.plan.name;
     let what = format!("it goes on in another case, bed or with another solver than {name}");
     Failure::Mismatch(format!("{}: {what}", windows.path().display()))

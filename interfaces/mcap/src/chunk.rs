@@ -1,76 +1,40 @@
-//! Chunks: unpacked whole, checked, and walked record by record.
+//! Records inside a chunk.
 //!
-//! Contract: a chunk that lies about its size, its sum or its records is refused; what it may unpack to is
-//! limited before anything is unpacked.
+//! Contract: no record is passed on before the checksum of its chunk has been compared. The memory for a chunk is limited
+//! before it is unpacked.
 
-use mcap::records::ChunkHeader;
-use std::borrow::Cow;
+use mcap::records::op;
+use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::io::Read;
 
-/// Most bytes that a chunk or a record may hold.
-pub(crate) const LARGEST: u64 = 256 << 20;
+/// Maximum size of a chunk or record, packed and unpacked, bytes.
+pub(crate) const MAX_CHUNK_BYTES: u64 = 256 << 20;
 
-/// The records of a chunk, as bytes.
-pub(crate) fn unpack<'a>(header: &ChunkHeader, data: &'a [u8]) -> Result<Cow<'a, [u8]>, String> {
-    if header.uncompressed_size > LARGEST {
-        return Err(format!("a chunk of {} bytes, more than {LARGEST}", header.uncompressed_size));
-    }
-    let size = header.uncompressed_size;
-    let content = match &header.compression[..] {
-        "" => Cow::Borrowed(data),
-        "zstd" => {
-            let decoder = zstd::stream::read::Decoder::new(data).map_err(|e| e.to_string())?;
-            Cow::Owned(read(decoder, size)?)
-        }
-        "lz4" => {
-            let decoder = lz4::Decoder::new(data).map_err(|e| e.to_string())?;
-            Cow::Owned(read(decoder, size)?)
-        }
-        other => {
-            let expected = "\"\", \"zstd\" or \"lz4\"";
-            return Err(format!("how a chunk is packed: expected {expected}, found {other:?}"));
-        }
-    };
-    if content.len() as u64 != size {
-        return Err(format!("a chunk of {} bytes that claims {size}", content.len()));
-    }
-    let sum = header.uncompressed_crc;
-    // Without one there is nothing to compare.
-    let found = if sum == 0 { 0 } else { crc32fast::hash(&content) };
-    if found != sum {
-        return Err(format!("checksum of a chunk: expected {sum:08x}, found {found:08x}"));
-    }
-    Ok(content)
-}
+/// Maximum number of bytes of one read.
+pub(crate) const MAX_READ_BYTES: usize = 1 << 20;
 
-/// At most `size` bytes; one more is read to notice that there are more.
-fn read(decoder: impl Read, size: u64) -> Result<Vec<u8>, String> {
-    let mut content = Vec::new();
-    let mut limited = decoder.take(size + 1);
-    limited
-        .read_to_end(&mut content)
-        .map_err(|e| format!("a chunk that cannot be unpacked: {e}"))?;
-    Ok(content)
-}
-
-/// Kind and content of each record.
-pub(crate) fn records(mut content: &[u8]) -> impl Iterator<Item = Result<(u8, &[u8]), String>> {
-    std::iter::from_fn(move || {
-        if content.is_empty() {
-            return None;
+/// Calls `take` with kind and content of each record in the chunk record `chunk`, which must have no bytes after its data.
+pub(crate) fn for_each_record(
+    chunk: &[u8],
+    mut take: impl FnMut(u8, &[u8]) -> Result<(), String>,
+) -> Result<(), String> {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(true)
+        .with_skip_end_magic(true)
+        .with_prevalidate_chunk_crcs(true)
+        .with_record_length_limit(MAX_CHUNK_BYTES as usize);
+    let mut reader = LinearReader::new_with_options(options);
+    let length = (chunk.len() as u64).to_le_bytes();
+    let mut source = (&[op::CHUNK][..]).chain(&length[..]).chain(chunk);
+    while let Some(event) = reader.next_event() {
+        match event.map_err(|e| format!("a chunk that cannot be unpacked: {e}"))? {
+            LinearReadEvent::ReadRequest(wanted) => {
+                let buffer = reader.insert(wanted.min(MAX_READ_BYTES));
+                let read = source.read(buffer).map_err(|e| e.to_string())?;
+                reader.notify_read(read);
+            }
+            LinearReadEvent::Record { data, opcode } => take(opcode, data)?,
         }
-        let Some((head, rest)) = content.split_first_chunk::<9>() else {
-            content = &[];
-            return Some(Err("a chunk that ends within a record".into()));
-        };
-        let mut length = [0; 8];
-        length.copy_from_slice(&head[1..]);
-        let length = usize::try_from(u64::from_le_bytes(length)).unwrap_or(usize::MAX);
-        let Some((body, rest)) = rest.split_at_checked(length) else {
-            content = &[];
-            return Some(Err("a chunk that ends within a record".into()));
-        };
-        content = rest;
-        Some(Ok((head[0], body)))
-    })
+    }
+    Ok(())
 }

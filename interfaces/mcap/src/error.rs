@@ -1,32 +1,71 @@
-//! What can go wrong with a recording: which file, where in it, what was expected and what was found.
+//! Errors of reading and writing recordings.
 
 use ballast_protocol::MessageError;
 use std::path::{Path, PathBuf};
 
-/// Errors of this crate.
+/// Error of reading or writing a recording.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The operating system refused: no such file, no room, no permission.
+    /// A file operation that failed.
     #[error("{path}: cannot {action}: {source}")]
-    Io { path: PathBuf, action: &'static str, source: std::io::Error },
-    /// The file is damaged, or no MCAP file.
+    Io {
+        /// Path of the file.
+        path: PathBuf,
+        /// Name of the operation.
+        action: &'static str,
+        /// Reason given by the system.
+        source: std::io::Error,
+    },
+    /// A file that is damaged, or no MCAP file.
     #[error("{path}: {place}: expected {expected}, found {found}")]
-    Damaged { path: PathBuf, place: String, expected: String, found: String },
-    /// The file is sound, but not what was asked for.
+    Damaged {
+        /// Path of the file.
+        path: PathBuf,
+        /// Position in the file.
+        place: String,
+        /// Expected content.
+        expected: String,
+        /// Found content.
+        found: String,
+    },
+    /// A valid file that cannot be used for the requested purpose.
     #[error("{path}: {place}: expected {expected}, found {found}")]
-    Unsuitable { path: PathBuf, place: String, expected: String, found: String },
-    /// The recording was written in a format that this program does not read.
+    Unsuitable {
+        /// Path of the file.
+        path: PathBuf,
+        /// Position in the file.
+        place: String,
+        /// Expected content.
+        expected: String,
+        /// Found content.
+        found: String,
+    },
+    /// A recording in another version of the format.
     #[error("{path}: format of the recording: expected {expected}, found {found}")]
-    Version { path: PathBuf, expected: String, found: String },
-    /// What was to be written makes no sense.
+    Version {
+        /// Path of the file.
+        path: PathBuf,
+        /// Expected content.
+        expected: String,
+        /// Found content.
+        found: String,
+    },
+    /// A message that cannot be written.
     #[error("{path}: not written: {0}", path = .1.display())]
     Refused(MessageError, PathBuf),
-    /// There is no checkpoint of what the recording begins with; it says why itself.
+    /// A start of the recording for which no checkpoint could be created.
     #[error("{0}")]
     Start(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// A window of the recording cannot be computed.
+    /// A window of the recording that cannot be computed.
     #[error("{path}: window {seq}: {refusal}")]
-    Window { path: PathBuf, seq: u64, refusal: String },
+    Window {
+        /// Path of the file.
+        path: PathBuf,
+        /// Number of the window.
+        seq: u64,
+        /// Reason of the refusal.
+        refusal: String,
+    },
 }
 
 /// Result of this crate.
@@ -39,8 +78,12 @@ impl Error {
         expected: impl Into<String>,
         found: impl ToString,
     ) -> Self {
-        let (place, expected, found) = (place.into(), expected.into(), found.to_string());
-        Self::Damaged { path: path.into(), place, expected, found }
+        Self::Damaged {
+            path: path.into(),
+            place: place.into(),
+            expected: expected.into(),
+            found: found.to_string(),
+        }
     }
 
     pub(crate) fn unsuitable(
@@ -49,15 +92,19 @@ impl Error {
         expected: impl Into<String>,
         found: impl ToString,
     ) -> Self {
-        let (place, expected, found) = (place.into(), expected.into(), found.to_string());
-        Self::Unsuitable { path: path.into(), place, expected, found }
+        Self::Unsuitable {
+            path: path.into(),
+            place: place.into(),
+            expected: expected.into(),
+            found: found.to_string(),
+        }
     }
 
     pub(crate) fn io(path: &Path, action: &'static str, source: std::io::Error) -> Self {
         Self::Io { path: path.into(), action, source }
     }
 
-    /// A message of the file that cannot be used.
+    /// Creates the error of an invalid message in the file.
     pub(crate) fn message(path: &Path, topic: &str, time_ns: u64, fault: MessageError) -> Self {
         let place = format!("{topic} at {time_ns} ns, {}", fault.place);
         Self::damaged(path, place, fault.expected, fault.found)

@@ -1,13 +1,12 @@
 //! Recordings of Ballast in MCAP files.
 //!
-//! [`WindowRecorder`] writes requests and replies of a run, window by window; [`messages`] reads any
-//! MCAP file, whole or cut short; [`recording`] finds our windows in one, [`motion`] the motion of
-//! bodies in any; [`mod@verify`] computes a recording again and names the first difference.
+//! [`WindowRecorder`] writes requests and replies of a run, window by window. [`messages`] reads any MCAP file, complete or
+//! truncated, [`recording`] the windows of a recording, [`motion`] the motion of bodies in any file. [`mod@verify`]
+//! recomputes a recording and returns the first difference.
 //!
-//! Contract: times in a file are simulated; the same run leaves the same bytes. A killed run leaves a
-//! file that can be read up to its last whole chunk. No file, however damaged, makes this crate panic or
-//! take more memory than a chunk may need, and as much for its messages, and for a window or the poses of a [`motion`],
-//! of which knots are made.
+//! Contract: times in a file are simulated; the same run gives the same bytes. A crash leaves a file that is readable up
+//! to its last complete chunk. No file, however damaged, makes this crate panic. Memory is limited to a chunk, as much for
+//! its messages, and as much for a window or the poses of a [`motion`].
 
 pub mod messages;
 pub mod motion;
@@ -16,17 +15,17 @@ pub mod scene;
 pub mod verify;
 
 mod chunk;
-mod entry;
 mod error;
-mod meta;
-mod told;
+mod metadata;
+mod summary_section;
+mod topic_message;
 mod window;
 mod window_recorder;
 mod writer;
 
-pub use entry::Entry;
 pub use error::{Error, Result};
-pub use meta::{Drive, Meta};
+pub use metadata::{Drive, RecordingMetadata};
+pub use topic_message::TopicMessage;
 pub use verify::verify;
 pub use window_recorder::{WindowRecorder, may_become_a_recording};
-pub use writer::Writer;
+pub use writer::McapWriter;

@@ -1,14 +1,13 @@
-//! The messages of any MCAP file, in the order of the file, whole or cut short.
+//! Reader of the messages of any MCAP file, complete or truncated, in the order of the file.
 //!
-//! Cost: memory for one chunk, and as much for its messages. Contract: only messages of sound chunks are given; where
-//! the file is cut short or damaged, reading ends, and [`Messages::lost`] says why. Nothing is passed over: a record
-//! that is not known, or stands where none of its kind belongs, may have been messages. What the file says of its own
-//! contents, checksum and numbers of messages and chunks, is compared with what was read.
+//! Cost: memory for one chunk, and as much for its messages. Contract: only messages of valid chunks are returned. At a
+//! truncated or damaged place reading ends, and [`MessageReader::truncation`] has the reason. Unknown records, and records
+//! at a wrong place, are errors, because they may have been messages. The file's checksum and its numbers of messages and
+//! chunks are compared with those that were read.
 
-use crate::chunk::{self, LARGEST};
+use crate::chunk::{self, MAX_CHUNK_BYTES, MAX_READ_BYTES};
 use crate::error::{Error, Result};
-use crate::meta;
-use crate::recording::START;
+use crate::metadata::{METADATA_NAME, START_ATTACHMENT};
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::{BTreeMap, VecDeque};
@@ -17,90 +16,91 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Most bytes that are asked of the system at once.
-const BITE: usize = 1 << 20;
-
-/// Where messages of one kind go.
+/// Topic, encoding and type of the messages of a channel.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Channel {
+pub struct ChannelInfo {
+    /// Name of the topic.
     pub topic: String,
-    /// `cdr`, `json` and others.
+    /// Encoding of the messages: `cdr`, `json` or another.
     pub encoding: String,
-    /// Name of the type; empty without one.
+    /// Name of the type; empty if there is none.
     pub schema: String,
 }
 
-/// A message.
+/// Message of an MCAP file.
 #[derive(Debug, Clone)]
-pub struct Message {
-    pub channel: Arc<Channel>,
-    /// ns.
+pub struct McapMessage {
+    /// Channel of the message.
+    pub channel: Arc<ChannelInfo>,
+    /// Time of recording, ns.
     pub log_time: u64,
+    /// Encoded content.
     pub data: Vec<u8>,
 }
 
-/// The end of a file that is not as its beginning promised.
+/// Early end of the readable part of a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Lost {
-    /// What was found instead of more.
+pub struct Truncation {
+    /// Content of the file at the end of the readable part.
     pub reason: String,
-    /// The file only ends too early, as one does whose writer was killed: in a record, and without the mark that
-    /// closes it. DefaultEndpoint it is damaged.
+    /// True if the file only ends too early, as after a crash of its writer: inside a record, without the end mark. False
+    /// if it is damaged.
     pub is_cut: bool,
-    /// Messages before it.
-    pub kept: u64,
-    /// Latest time among them, ns.
+    /// Number of readable messages.
+    pub messages: u64,
+    /// Time of the last of them, ns.
     pub last_ns: Option<u64>,
 }
 
-impl std::fmt::Display for Lost {
+impl std::fmt::Display for Truncation {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { reason, kept, last_ns, .. } = self;
+        let Self { reason, messages, last_ns, .. } = self;
         let until = last_ns.map_or(String::new(), |t| format!(", up to {t} ns"));
-        write!(f, "{reason}; {kept} messages before it can be used{until}")
+        write!(f, "{reason}; {messages} messages before it are readable{until}")
     }
 }
 
-/// Reads a file message by message.
-pub struct Messages {
+/// Reader of an MCAP file, message by message.
+pub struct MessageReader {
     path: PathBuf,
     file: File,
     reader: LinearReader,
-    content: Content,
-    over: bool,
-    kept: u64,
+    content: ReaderState,
+    finished: bool,
+    /// Number of returned messages.
+    returned: u64,
     last_ns: Option<u64>,
-    lost: Option<Lost>,
+    truncation: Option<Truncation>,
 }
 
-/// What is known of the file so far.
+/// Content of the file read so far.
 #[derive(Default)]
-struct Content {
+struct ReaderState {
     profile: Option<String>,
     schemas: BTreeMap<u16, String>,
-    channels: BTreeMap<u16, Arc<Channel>>,
+    channels: BTreeMap<u16, Arc<ChannelInfo>>,
     metadata: BTreeMap<String, BTreeMap<String, String>>,
     attachments: BTreeMap<String, Vec<u8>>,
-    /// Bytes of names, metadata and attachments: what stays in memory after the chunk at hand.
-    held: u64,
-    waiting: VecDeque<Message>,
-    /// The end of the messages was seen.
+    /// Memory of names, metadata and attachments, which outlive a chunk, bytes.
+    permanent_bytes: u64,
+    waiting: VecDeque<McapMessage>,
+    /// True after the end of the data section.
     complete: bool,
     /// Kind of the last record outside of chunks; 0 before the first.
     last: u8,
-    /// Messages and chunks so far.
+    /// MessageReader and chunks so far.
     messages: u64,
     chunks: u32,
 }
 
-impl Messages {
+impl MessageReader {
     /// Opens a file.
     ///
     /// # Errors
-    /// The system refuses; the file does not begin as an MCAP file does.
+    /// A file that cannot be opened, or is no MCAP file.
     pub fn open(path: &Path) -> Result<Self> {
         if path.metadata().is_ok_and(|what| !what.is_file()) {
-            // A pipe would be waited for until somebody writes to it.
+            // Opening a pipe would block until a writer opens it.
             return Err(Error::unsuitable(path, "recording", "a file", "a folder or a pipe"));
         }
         let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
@@ -108,83 +108,85 @@ impl Messages {
             .with_skip_end_magic(true)
             .with_emit_chunks(true)
             .with_validate_data_section_crc(true)
-            .with_record_length_limit(LARGEST as usize);
+            .with_record_length_limit(MAX_CHUNK_BYTES as usize);
         let mut messages = Self {
             path: path.into(),
             file,
             reader: LinearReader::new_with_options(options),
-            content: Content::default(),
-            over: false,
-            kept: 0,
+            content: ReaderState::default(),
+            finished: false,
+            returned: 0,
             last_ns: None,
-            lost: None,
+            truncation: None,
         };
-        while messages.content.profile.is_none() && !messages.over {
-            messages.read_on()?;
+        while messages.content.profile.is_none() && !messages.finished {
+            messages.read_more()?;
         }
         match messages.content.profile {
             Some(_) => Ok(messages),
             None => {
-                let found = messages.lost.map_or("something else".into(), |lost| lost.reason);
+                let found = messages.truncation.map_or("something else".into(), |end| end.reason);
                 Err(Error::damaged(path, "start", "an MCAP file", found))
             }
         }
     }
 
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Named entries of the file, as far as it has been read.
+    /// Returns the metadata record `name` of the part that has been read.
     pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
         self.content.metadata.get(name)
     }
 
-    /// A named attachment, as far as the file has been read.
+    /// Returns the attachment `name` of the part that has been read.
     pub fn attachment(&self, name: &str) -> Option<&[u8]> {
         self.content.attachments.get(name).map(|data| &data[..])
     }
 
-    /// Why reading ended before the end of the recording, if it did.
-    pub fn lost(&self) -> Option<&Lost> {
-        self.lost.as_ref()
+    /// Reason of an early end of reading, if there is one.
+    pub fn truncation(&self) -> Option<&Truncation> {
+        self.truncation.as_ref()
     }
 
-    /// Reads up to the first message.
+    /// Reads up to the next message, without returning it.
     ///
     /// # Errors
-    /// The system refuses.
+    /// A file that cannot be read.
     pub fn read_to_first(&mut self) -> Result<()> {
-        while self.content.waiting.is_empty() && !self.over {
-            self.read_on()?;
+        while self.content.waiting.is_empty() && !self.finished {
+            self.read_more()?;
         }
         Ok(())
     }
 
-    /// The next message; `None` at the end, or where the file is lost.
+    /// Returns the next message; `None` at the end of the readable part.
     ///
     /// # Errors
-    /// The system refuses.
+    /// A file that cannot be read.
     #[allow(clippy::should_implement_trait)]
-    pub fn next(&mut self) -> Result<Option<Message>> {
+    pub fn next(&mut self) -> Result<Option<McapMessage>> {
         self.read_to_first()?;
         let message = self.content.waiting.pop_front();
         if let Some(message) = &message {
-            self.kept += 1;
+            self.returned += 1;
             self.last_ns = self.last_ns.max(Some(message.log_time));
         }
-        // The file may have ended while messages were waiting: what was kept is known now.
-        if let Some(lost) = &mut self.lost {
-            (lost.kept, lost.last_ns) = (self.kept, self.last_ns);
+        // The end may have been found before its last messages were returned.
+        if let Some(truncation) = &mut self.truncation {
+            truncation.messages = self.returned;
+            truncation.last_ns = self.last_ns;
         }
         Ok(message)
     }
 
-    /// Reads a bit further: some bytes, or a record.
-    fn read_on(&mut self) -> Result<()> {
+    /// Reads some bytes, or a record.
+    fn read_more(&mut self) -> Result<()> {
         let ended = match self.reader.next_event() {
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                let bytes = self.reader.insert(wanted.min(BITE));
+                let bytes = self.reader.insert(wanted.min(MAX_READ_BYTES));
                 let read = self.file.read(bytes).map_err(|e| Error::io(&self.path, "read", e))?;
                 self.reader.notify_read(read);
                 return Ok(());
@@ -196,24 +198,28 @@ impl Messages {
                     Err(reason) => Some((reason, false)),
                 }
             }
-            // All messages are there: what follows is for those who look for single ones.
+            // All messages have been read; the summary serves random access only.
             _ if self.content.complete => None,
             Some(Err(mcap::McapError::UnexpectedEof)) if is_closed(&mut self.file) => {
-                Some(("a record that claims to go on behind the end of the file".into(), false))
+                Some(("record length exceeds the file size".into(), false))
             }
             Some(Err(error)) => {
                 Some((reason(&error), matches!(error, mcap::McapError::UnexpectedEof)))
             }
-            None => Some(("the file ends without the end of a recording".into(), true)),
+            None => Some(("the file ends without an end mark".into(), true)),
         };
-        self.over = true;
-        let (kept, last_ns) = (self.kept, self.last_ns);
-        self.lost = ended.map(|(reason, is_cut)| Lost { reason, is_cut, kept, last_ns });
+        self.finished = true;
+        self.truncation = ended.map(|(reason, is_cut)| Truncation {
+            reason,
+            is_cut,
+            messages: self.returned,
+            last_ns: self.last_ns,
+        });
         Ok(())
     }
 }
 
-/// Whether a file has the mark that closes it.
+/// True if a file has an end mark.
 fn is_closed(file: &mut File) -> bool {
     let mut end = [0; mcap::MAGIC.len()];
     let back = -(end.len() as i64);
@@ -221,8 +227,8 @@ fn is_closed(file: &mut File) -> bool {
     read.is_ok() && end == *mcap::MAGIC
 }
 
-/// What may follow the end of the messages.
-const BEHIND: [u8; 8] = [
+/// Kinds of records in the summary section.
+const SUMMARY_KINDS: [u8; 8] = [
     op::SCHEMA,
     op::CHANNEL,
     op::STATISTICS,
@@ -232,73 +238,73 @@ const BEHIND: [u8; 8] = [
     op::SUMMARY_OFFSET,
     op::FOOTER,
 ];
-/// Kinds from here on are for anyone to define.
-const PRIVATE: u8 = 0x80;
+/// Size of the fields of a chunk record around the name of its compression, bytes.
+const CHUNK_HEAD: usize = 40;
+/// First of the kinds that any program may define.
+const PRIVATE_KINDS: u8 = 0x80;
 
-/// An error of the file's frame, in words.
+/// Describes an error of the MCAP library.
 fn reason(error: &mcap::McapError) -> String {
     match error {
         mcap::McapError::UnexpectedEof => "the file ends within a record".into(),
-        mcap::McapError::BadMagic => "other bytes than those of MCAP".into(),
-        mcap::McapError::BadDataCrc { .. } => {
-            "other bytes than were written: their checksum does not fit".into()
-        }
+        mcap::McapError::BadMagic => "bytes that are not MCAP".into(),
+        mcap::McapError::BadDataCrc { .. } => "bytes that do not match their checksum".into(),
         other => format!("a record that cannot be read: {other}"),
     }
 }
 
-impl Content {
-    /// Takes a record of the file, if it stands where it belongs.
+impl ReaderState {
+    /// Takes a record outside of chunks, if its kind may occur at its place.
     fn record(&mut self, kind: u8, data: &[u8]) -> std::result::Result<(), String> {
         let before = std::mem::replace(&mut self.last, kind);
-        let belongs = match kind {
+        let is_allowed = match kind {
             op::HEADER => before == 0,
             op::SCHEMA | op::CHANNEL => true,
             op::MESSAGE | op::CHUNK | op::ATTACHMENT | op::METADATA | op::DATA_END => {
                 !self.complete
             }
-            // Without its chunk it is all that is left of it.
+            // An index without its chunk is the rest of a damaged one.
             op::MESSAGE_INDEX => !self.complete && [op::CHUNK, kind].contains(&before),
-            _ if BEHIND.contains(&kind) => self.complete,
-            PRIVATE.. => self.complete || self.takes_private(),
+            _ if SUMMARY_KINDS.contains(&kind) => self.complete,
+            PRIVATE_KINDS.. => self.complete || self.may_have_private_records(),
             _ => self.complete,
         };
-        if !belongs {
-            return Err(stray(kind));
+        if !is_allowed {
+            return Err(misplaced(kind));
         }
         match kind {
             op::DATA_END => self.complete = true,
-            op::STATISTICS => self.compare(data)?,
+            op::STATISTICS => self.check_statistics(data)?,
             op::MESSAGE_INDEX if !is_index(data) => {
-                return Err("a record that is no index of messages".into());
+                return Err("an invalid index of messages".into());
             }
             op::HEADER | op::SCHEMA | op::CHANNEL | op::MESSAGE | op::METADATA | op::CHUNK
                 if !self.complete =>
             {
                 self.take(kind, data)?;
             }
-            // Others may be large, and are nobody's here.
+            // Other attachments may be large and are not used.
             op::ATTACHMENT if self.attachments.is_empty() => self.take(kind, data)?,
             _ => {}
         }
         Ok(())
     }
 
-    /// Compares what was read with what the file says that there is.
-    fn compare(&self, data: &[u8]) -> std::result::Result<(), String> {
-        // Read by hand: what follows the numbers is a map, which may claim to be of any size.
+    /// Compares the numbers of messages and chunks with those of the statistics record.
+    fn check_statistics(&self, data: &[u8]) -> std::result::Result<(), String> {
+        // Not parsed by the library: the map after these numbers may claim any size.
         let number = |bytes: Option<&[u8]>| {
             bytes.map(|b| b.iter().rev().fold(0, |n, byte| n << 8 | u64::from(*byte)))
         };
-        let told = number(data.get(..8)).zip(number(data.get(22..26)));
+        let written = number(data.get(..8)).zip(number(data.get(22..26)));
         let read = (self.messages, u64::from(self.chunks));
-        match told {
-            Some(told) if told == read => Ok(()),
+        match written {
+            Some(written) if written == read => Ok(()),
             Some((messages, chunks)) => Err(format!(
                 "{} messages in {} chunks, where {messages} in {chunks} were written",
                 read.0, read.1
             )),
-            None => Err("a record of numbers that does not hold them".into()),
+            None => Err("a statistics record that is too short".into()),
         }
     }
 
@@ -306,7 +312,8 @@ impl Content {
         if texts_fit(kind, data).is_none() {
             return Err("a record with a text that does not end within it".into());
         }
-        let (kept, record) = (data, mcap::parse_record(kind, data));
+        let record = mcap::parse_record(kind, data);
+        let record_bytes = data;
         match record.map_err(|e| format!("a record that cannot be read: {e}"))? {
             Record::Header(header) => self.profile = Some(header.profile),
             Record::Schema { header, .. } => {
@@ -317,8 +324,8 @@ impl Content {
             Record::Channel(channel) => {
                 let schema = self.schemas.get(&channel.schema_id).cloned().unwrap_or_default();
                 let (topic, encoding) = (channel.topic, channel.message_encoding);
-                let size = |c: &Channel| c.topic.len() + c.encoding.len() + c.schema.len();
-                let new = Arc::new(Channel { topic, encoding, schema });
+                let size = |c: &ChannelInfo| c.topic.len() + c.encoding.len() + c.schema.len();
+                let new = Arc::new(ChannelInfo { topic, encoding, schema });
                 let more = size(&new);
                 let old = self.channels.insert(channel.id, new);
                 self.hold(more, old.map_or(0, |channel| size(&channel)))?;
@@ -328,82 +335,82 @@ impl Content {
                     return Err(format!("a message of the unknown channel {}", header.channel_id));
                 };
                 self.messages += 1;
-                self.waiting.push_back(Message {
+                self.waiting.push_back(McapMessage {
                     channel: channel.clone(),
                     log_time: header.log_time,
                     data: data.into_owned(),
                 });
             }
             Record::Metadata(metadata) => {
-                self.hold(kept.len(), 0)?;
+                self.hold(record_bytes.len(), 0)?;
                 self.metadata.insert(metadata.name, metadata.metadata);
             }
-            Record::Attachment { header, data, .. } if header.name == START => {
-                self.hold(kept.len(), 0)?;
+            Record::Attachment { header, data, .. } if header.name == START_ATTACHMENT => {
+                self.hold(record_bytes.len(), 0)?;
                 self.attachments.insert(header.name, data.into_owned());
             }
             Record::Chunk { header, data } => {
                 self.chunks += 1;
-                let whole = self.waiting.len();
-                let taken = self.chunk(&header, &data);
-                if taken.is_err() {
-                    self.waiting.truncate(whole);
+                let complete_chunks = self.waiting.len();
+                // Without bytes after the data, which the format allows.
+                let head = CHUNK_HEAD + header.compression.len();
+                let chunk = &record_bytes[..head + data.len()];
+                let result = self.chunk(header.uncompressed_size, chunk);
+                if result.is_err() {
+                    self.waiting.truncate(complete_chunks);
                 }
-                return taken;
+                return result;
             }
             _ => {}
         }
         Ok(())
     }
 
-    /// Notes that `new` bytes have taken the place of `old` ones.
+    /// Counts `new` bytes of permanent memory that replace `old` ones.
     fn hold(&mut self, new: usize, old: usize) -> std::result::Result<(), String> {
-        self.held = (self.held + new as u64).saturating_sub(old as u64);
-        match self.held > LARGEST {
-            true => Err(format!("more than {LARGEST} bytes of names, metadata and attachments")),
+        self.permanent_bytes = (self.permanent_bytes + new as u64).saturating_sub(old as u64);
+        match self.permanent_bytes > MAX_CHUNK_BYTES {
+            true => {
+                Err(format!("more than {MAX_CHUNK_BYTES} bytes of names, metadata and attachments"))
+            }
             false => Ok(()),
         }
     }
 
-    fn chunk(
-        &mut self,
-        header: &mcap::records::ChunkHeader,
-        data: &[u8],
-    ) -> std::result::Result<(), String> {
-        let content = chunk::unpack(header, data)?;
-        let mut taken = 0;
-        for record in chunk::records(&content) {
-            let (kind, body) = record?;
-            match kind {
-                op::SCHEMA | op::CHANNEL => self.take(kind, body)?,
-                op::MESSAGE => {
-                    // Empty ones take more here than in the chunk.
-                    taken += (size_of::<Message>() + body.len()) as u64;
-                    if taken > LARGEST {
-                        return Err(format!(
-                            "a chunk whose messages take more than {LARGEST} bytes"
-                        ));
-                    }
-                    self.take(kind, body)?;
-                }
-                PRIVATE.. if self.takes_private() => {}
-                _ => return Err(stray(kind)),
-            }
+    /// Takes the records of a chunk; `unpacked_bytes` is the size that its header claims.
+    fn chunk(&mut self, unpacked_bytes: u64, chunk: &[u8]) -> std::result::Result<(), String> {
+        if unpacked_bytes > MAX_CHUNK_BYTES {
+            return Err(format!("a chunk of {unpacked_bytes} bytes, more than {MAX_CHUNK_BYTES}"));
         }
-        Ok(())
+        let mut message_bytes = 0;
+        chunk::for_each_record(chunk, |kind, body| match kind {
+            op::SCHEMA | op::CHANNEL => self.take(kind, body),
+            op::MESSAGE => {
+                // Empty messages take more memory here than in the chunk.
+                message_bytes += (size_of::<McapMessage>() + body.len()) as u64;
+                if message_bytes > MAX_CHUNK_BYTES {
+                    return Err(format!(
+                        "a chunk whose messages take more than {MAX_CHUNK_BYTES} bytes"
+                    ));
+                }
+                self.take(kind, body)
+            }
+            PRIVATE_KINDS.. if self.may_have_private_records() => Ok(()),
+            _ => Err(misplaced(kind)),
+        })
     }
 
-    /// Whether records of a kind that is for anyone to define may stand among the messages: we write none.
-    fn takes_private(&self) -> bool {
-        !self.metadata.contains_key(meta::NAME)
+    /// True if private records may occur among the messages. Recordings of this crate have none.
+    fn may_have_private_records(&self) -> bool {
+        !self.metadata.contains_key(METADATA_NAME)
     }
 }
 
-fn stray(kind: u8) -> String {
-    format!("a record of kind {kind:#04x} where none belongs")
+fn misplaced(kind: u8) -> String {
+    format!("a record of kind {kind:#04x} at a wrong place")
 }
 
-/// Whether a record is an index of messages: a channel, a length in bytes, and that many bytes of times and places.
+/// True if a record is an index of messages: a channel, a length in bytes, and that many bytes of times and offsets.
 fn is_index(data: &[u8]) -> bool {
     let split = data.get(2..).and_then(|rest| rest.split_first_chunk());
     split.is_some_and(|(length, entries)| {
@@ -411,10 +418,10 @@ fn is_index(data: &[u8]) -> bool {
     })
 }
 
-/// `None` if a text of the record claims to go on behind it: the library makes room for what is claimed before it
-/// looks what is there, and takes the checksum of an attachment for granted.
+/// Returns `None` if a text of the record claims to be longer than the record. The library allocates the claimed length
+/// before it compares, and expects the checksum of an attachment without a check.
 fn texts_fit(kind: u8, data: &[u8]) -> Option<()> {
-    // Bytes before the texts, their number, whether a map follows, and the bytes that there must be in the end.
+    // Bytes before the texts, number of texts, true if a map follows, and minimum number of bytes at the end.
     let (before, texts, has_map, after) = match kind {
         op::HEADER => (0, 2, false, 0),
         op::SCHEMA => (2, 2, false, 4),
@@ -426,21 +433,21 @@ fn texts_fit(kind: u8, data: &[u8]) -> Option<()> {
     };
     let mut rest = data.get(before..)?;
     for _ in 0..texts {
-        rest = behind_text(rest)?;
+        rest = after_text(rest)?;
     }
     if has_map {
         let (length, entries) = rest.split_first_chunk()?;
         let end = entries.len().checked_sub(u32::from_le_bytes(*length) as usize)?;
         rest = entries;
         while rest.len() > end {
-            rest = behind_text(behind_text(rest)?)?;
+            rest = after_text(after_text(rest)?)?;
         }
     }
     (rest.len() >= after).then_some(())
 }
 
-/// What follows a text: its length in four bytes, and as many bytes.
-fn behind_text(bytes: &[u8]) -> Option<&[u8]> {
+/// Returns the bytes after a text, which has its length in four bytes before it.
+fn after_text(bytes: &[u8]) -> Option<&[u8]> {
     let (length, rest) = bytes.split_first_chunk()?;
     rest.get(u32::from_le_bytes(*length) as usize..)
 }

@@ -1,157 +1,149 @@
-//! The motion of bodies from the poses in any MCAP file.
+//! Motion of bodies from the poses in any MCAP file.
 //!
 //! Reads: `geometry_msgs/PoseStamped`, `TwistStamped` and `tf2_msgs/TFMessage` in CDR, poses in JSON.
-//! Contract (rules of resampling): a knot per pose message, at its time; with a twist of the same time
-//! for every pose of a body the motion is cubic, otherwise linear; nothing is extrapolated, so a motion
-//! covers the stretch of time that the messages of all mapped bodies have in common.
+//! Contract (rules of resampling): a knot per pose message, at its time. The motion of a body is cubic if every pose has a
+//! twist of the same time, otherwise linear. Nothing is extrapolated: a motion covers the time that the messages of all
+//! mapped bodies have in common.
 
-mod assign;
+mod assignment;
+mod coverage;
 mod frames;
 mod json_pose;
-mod knots;
-mod stretch;
+mod track;
 
-pub use assign::Map;
+pub use assignment::TopicMap;
 
-use crate::chunk::LARGEST;
+use crate::chunk::MAX_CHUNK_BYTES;
 use crate::error::{Error, Result};
-use crate::messages::{Lost, Message, Messages};
-use assign::{Assignment, Source};
+use crate::messages::{McapMessage, MessageReader, Truncation};
+use assignment::{Assignment, ChannelUse, list_names};
 use ballast::component::MotionInput;
-use ballast_protocol::messages::{PoseStamped, TFMessage, Twist, TwistStamped};
+use ballast_protocol::messages::{PoseStamped, TFMessage, TwistStamped};
 use ballast_protocol::{MessageError, from_cdr, messages};
-use knots::Track;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use track::PoseTrack;
 
-/// Which of a message's times counts.
+/// Source of the time of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum TimeOf {
-    /// The stamp in the message: when the pose was true.
+pub enum TimeSource {
+    /// Stamp in the message, the time of the pose.
     #[default]
     Stamp,
-    /// When the message was recorded.
+    /// Time of the recording.
     Log,
 }
 
-/// The motion of some bodies.
+/// Motion of some bodies, read from a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Motion {
-    /// One per mapped body, in the order of the bodies' names.
+pub struct RecordedMotion {
+    /// Inputs of the mapped bodies, in the order of their names.
     pub inputs: Vec<MotionInput>,
-    /// The stretch of time that all inputs cover, ns of the run.
+    /// Start of the time that all inputs cover, ns of the run.
     pub start_ns: u64,
+    /// End of the time that all inputs cover, ns of the run.
     pub end_ns: u64,
-    /// What the person should know: interpolation of each body, topics.
+    /// Notes for the user: interpolation of each body, topics.
     pub notes: Vec<String>,
-    /// What is more likely a slip than meant.
+    /// Warnings of probable mistakes.
     pub warnings: Vec<String>,
-    pub lost: Option<Lost>,
+    /// Early end of the file, if there is one.
+    pub truncation: Option<Truncation>,
 }
 
 /// Reads the motion of `bodies`.
 ///
-/// Without `maps`, the topic `/<body>/pose` and the transform to the frame `<body>` belong to a body; with
-/// them, only what they name. The stretch that the bodies have in common is shifted to begin at
+/// Without `maps`, the topic `/<body>/pose` and the transform to the frame `<body>` move a body; with
+/// `maps`, only their topics and frames do. The common time of the bodies is shifted to start at
 /// `begin_ns` of the run.
 ///
 /// # Errors
-/// The system refuses; no MCAP file; a map to no body, or of a topic that the file lacks or that holds no
-/// poses; messages that cannot be read, out of order, or with nothing in common.
+/// A file that cannot be read, or is no MCAP file; a map to an unknown body, or of a topic that the file does not have or
+/// that has no poses; messages that are invalid, out of order, or without a common time.
 pub fn read(
     path: &Path,
     bodies: &[String],
-    maps: &[Map],
-    time: TimeOf,
+    maps: &[TopicMap],
+    time: TimeSource,
     begin_ns: u64,
-) -> Result<Motion> {
+) -> Result<RecordedMotion> {
     let assignment = Assignment::new(path, bodies, maps)?;
-    let mut messages = Messages::open(path)?;
-    let mut found = Found::default();
+    let mut messages = MessageReader::open(path)?;
+    let mut found = PoseCollector::default();
     while let Some(message) = messages.next()? {
         let place = |e| Error::message(path, &message.channel.topic, message.log_time, e);
         found.take(&assignment, &message, time).map_err(place)?;
     }
-    assignment.all_used(path, &found.topics, &found.frames)?;
+    assignment.check_all_used(path, &found.topics, &found.frames)?;
     let topics = std::mem::take(&mut found.topics);
     let placed = std::mem::take(&mut found.frames);
-    let lost = messages.lost().cloned();
+    let lost = messages.truncation().cloned();
     let tracks = found.tracks();
     if tracks.is_empty() {
-        let mut found = few(&topics);
+        let mut found = list_names(&topics);
         if !placed.is_empty() {
-            found += &format!(" with the frames {}", few(&placed));
+            found += &format!(" with the frames {}", list_names(&placed));
         }
         let expected = format!(
             "poses of one of {bodies:?}; name them with --map TOPIC=BODY, transforms with --map TOPIC:FRAME=BODY"
         );
-        // What is damaged may have held them.
+        // The unreadable part may have had them.
         let lost = lost.map_or(String::new(), |lost| format!("; {lost}"));
         return Err(Error::unsuitable(path, "topics", expected, format!("{found}{lost}")));
     }
-    frames::expect_still(path, &tracks, &placed)?;
+    frames::check_fixed(path, &tracks, &placed)?;
     join(path, tracks, begin_ns, lost)
 }
 
-/// Names for a message: the first ones, and how many more there are.
-fn few(names: &BTreeSet<String>) -> String {
-    const MOST: usize = 40;
-    let told = format!("{:?}", names.iter().take(MOST).collect::<Vec<_>>());
-    match names.len().saturating_sub(MOST) {
-        0 => told,
-        more => format!("{told} and {more} more"),
-    }
-}
-
-/// A stamp as ns; one with a second and more beside its seconds is none.
-fn whole(stamp: messages::Time) -> std::result::Result<i64, MessageError> {
+/// Converts a stamp to ns; its nanoseconds must be less than a second.
+fn stamp_ns(stamp: messages::Time) -> std::result::Result<i64, MessageError> {
     let rest = stamp.nanosec;
-    let wrong = || MessageError::new("header.stamp.nanosec", "less than a second", rest);
-    (rest < 1_000_000_000).then(|| stamp.ns()).ok_or_else(wrong)
+    let error = || MessageError::new("header.stamp.nanosec", "less than a second", rest);
+    (rest < 1_000_000_000).then(|| stamp.ns()).ok_or_else(error)
 }
 
-/// Poses and twists by body.
+/// Collector of poses and twists by body.
 #[derive(Default)]
-struct Found {
+struct PoseCollector {
     topics: BTreeSet<String>,
     frames: BTreeSet<String>,
-    poses: BTreeMap<String, Track>,
-    transforms: BTreeMap<String, Track>,
-    /// What has moved each body so far, by what it tells.
+    poses: BTreeMap<String, PoseTrack>,
+    transforms: BTreeMap<String, PoseTrack>,
+    /// Topic of the poses and of the twists of each body.
     sources: BTreeMap<(&'static str, String), String>,
-    /// Bytes of all these.
-    held: u64,
+    /// Memory of all these, bytes.
+    bytes: u64,
 }
 
-impl Found {
+impl PoseCollector {
     fn take(
         &mut self,
         assignment: &Assignment,
-        message: &Message,
-        clock: TimeOf,
+        message: &McapMessage,
+        clock: TimeSource,
     ) -> std::result::Result<(), MessageError> {
         let at = |stamp: Option<i64>| match (clock, stamp) {
-            (TimeOf::Stamp, Some(ns)) => u64::try_from(ns)
+            (TimeSource::Stamp, Some(ns)) => u64::try_from(ns)
                 .map_err(|_| MessageError::new("header.stamp", "a time from 0 on", ns)),
             _ => Ok(message.log_time),
         };
-        let mut more = knots::note(&mut self.topics, &message.channel.topic);
+        let mut more = track::insert_name(&mut self.topics, &message.channel.topic);
         match assignment.source(&message.channel)? {
-            Source::Other => {}
-            Source::Pose(body) => {
-                self.only(assignment, "poses", body, &message.channel.topic)?;
+            ChannelUse::Other => {}
+            ChannelUse::Pose(body) => {
+                self.check_single_source(assignment, "poses", body, &message.channel.topic)?;
                 let stamped: PoseStamped = from_cdr(&message.data)?;
-                let time = at(Some(whole(stamped.header.stamp)?))?;
+                let time = at(Some(stamp_ns(stamped.header.stamp)?))?;
                 more += self.track(body).pose(time, stamped.pose, &stamped.header.frame_id);
             }
-            Source::Twist(body) => {
-                self.only(assignment, "twists", body, &message.channel.topic)?;
+            ChannelUse::Twist(body) => {
+                self.check_single_source(assignment, "twists", body, &message.channel.topic)?;
                 let stamped: TwistStamped = from_cdr(&message.data)?;
-                let time = at(Some(whole(stamped.header.stamp)?))?;
+                let time = at(Some(stamp_ns(stamped.header.stamp)?))?;
                 more += self.track(body).twist(time, stamped.twist, &stamped.header.frame_id);
             }
-            Source::Json(body) => {
-                self.only(assignment, "poses", body, &message.channel.topic)?;
+            ChannelUse::Json(body) => {
+                self.check_single_source(assignment, "poses", body, &message.channel.topic)?;
                 let read = json_pose::read(&message.data)?;
                 let time = at(read.stamp_ns)?;
                 more += self.track(body).pose(time, read.pose, &read.frame);
@@ -159,14 +151,19 @@ impl Found {
                     more += self.track(body).twist(time, twist, &read.frame);
                 }
             }
-            Source::Transforms => {
+            ChannelUse::Transforms => {
                 let tf: TFMessage = from_cdr(&message.data)?;
                 for transform in tf.transforms {
                     let frame = transform.child_frame_id;
                     let topic = &message.channel.topic;
                     if let Some(body) = assignment.body_of_frame(topic, &frame) {
-                        self.only(assignment, "poses", body, &format!("{topic}:{frame}"))?;
-                        let time = at(Some(whole(transform.header.stamp)?))?;
+                        self.check_single_source(
+                            assignment,
+                            "poses",
+                            body,
+                            &format!("{topic}:{frame}"),
+                        )?;
+                        let time = at(Some(stamp_ns(transform.header.stamp)?))?;
                         let pose = messages::Pose {
                             position: messages::Point {
                                 x: transform.transform.translation.x,
@@ -179,35 +176,36 @@ impl Found {
                         let track = self.transforms.entry(body.into()).or_default();
                         more += track.pose(time, pose, parent);
                     }
-                    more += knots::note(&mut self.frames, &format!("{topic}:{frame}"));
+                    more += track::insert_name(&mut self.frames, &format!("{topic}:{frame}"));
                 }
             }
-            Source::Frames => {
-                // Nothing is moved by them: one that cannot be read spoils nothing.
+            ChannelUse::Frames => {
+                // These transforms move nothing, so an invalid one does no harm.
                 let tf = from_cdr::<TFMessage>(&message.data).unwrap_or_default();
                 let topic = &message.channel.topic;
                 for transform in tf.transforms {
                     let frame = format!("{topic}:{}", transform.child_frame_id);
-                    more += knots::note(&mut self.frames, &frame);
+                    more += track::insert_name(&mut self.frames, &frame);
                 }
             }
         }
         self.hold(more)
     }
 
-    /// Notes that so many bytes more are kept: at most those of a chunk.
+    /// Counts `more` bytes of memory, which is limited to that of a chunk.
     fn hold(&mut self, more: usize) -> std::result::Result<(), MessageError> {
-        self.held += more as u64;
-        if self.held > LARGEST {
-            let expected = format!("at most {LARGEST} bytes of poses, twists and names up to here");
+        self.bytes += more as u64;
+        if self.bytes > MAX_CHUNK_BYTES {
+            let expected =
+                format!("at most {MAX_CHUNK_BYTES} bytes of poses, twists and names up to here");
             return Err(MessageError::new("motion", expected, "more"));
         }
         Ok(())
     }
 
-    /// Refuses a second source of a body's poses or twists: two motions are not one. By default, a topic of its own
-    /// counts before transforms.
-    fn only(
+    /// Refuses a second source of a body's poses or twists. Without maps, a body's own topic takes precedence over
+    /// transforms.
+    fn check_single_source(
         &mut self,
         assignment: &Assignment,
         what: &'static str,
@@ -225,12 +223,12 @@ impl Found {
         Err(MessageError::new("map", expected, format!("{first} and {source}")))
     }
 
-    fn track(&mut self, body: &str) -> &mut Track {
+    fn track(&mut self, body: &str) -> &mut PoseTrack {
         self.poses.entry(body.into()).or_default()
     }
 
-    /// One track per body: a topic of its own counts before transforms.
-    fn tracks(self) -> BTreeMap<String, Track> {
+    /// Returns one track per body; its own topic takes precedence over transforms.
+    fn tracks(self) -> BTreeMap<String, PoseTrack> {
         let mut tracks = self.transforms;
         for (body, mut track) in self.poses {
             if track.has_poses() {
@@ -244,24 +242,24 @@ impl Found {
     }
 }
 
-/// The tracks over the time that they have in common.
+/// Joins the tracks over their common time.
 fn join(
     path: &Path,
-    tracks: BTreeMap<String, Track>,
+    tracks: BTreeMap<String, PoseTrack>,
     begin_ns: u64,
-    lost: Option<Lost>,
-) -> Result<Motion> {
+    lost: Option<Truncation>,
+) -> Result<RecordedMotion> {
     let mut waveforms = Vec::new();
     let mut notes = frames::notes(&tracks);
-    let (mut contradicted, mut most) = (Vec::new(), 0.0_f64);
+    let (mut contradicted, mut worst) = (Vec::new(), 0.0_f64);
     for (body, track) in tracks {
         let (waveform, note) = track.waveform().map_err(|e| {
             Error::damaged(path, format!("poses of {body:?}, {}", e.place), e.expected, e.found)
         })?;
         notes.push(format!("{body}: {note}"));
-        if let Some(share) = knots::contradiction(&waveform) {
+        if let Some(share) = track::contradiction(&waveform) {
             contradicted.push(body.clone());
-            most = share.max(most);
+            worst = share.max(worst);
         }
         waveforms.push((body, waveform));
     }
@@ -271,39 +269,34 @@ fn join(
     let start = ends(|w| w.knots.first().map(|k| k.time_ns)).max().unwrap_or_default();
     let end = ends(|w| w.knots.last().map(|k| k.time_ns)).min().unwrap_or_default();
     if start > end {
-        let expected = "a stretch of time with poses of all bodies";
+        let expected = "a time with poses of all bodies";
         let found = format!("the last to begin at {start} ns, the first to end at {end} ns");
         return Err(Error::unsuitable(path, "times", expected, found));
     }
     let warnings = (!contradicted.is_empty()).then(|| {
         format!(
             "twists of {}: expected velocities (m/s, in the axes of the bed) that lead from pose to pose, found some \
-             that miss up to {:.0} % of the way; they are used all the same: from a file without them, motions \
+             that miss up to {:.0} % of the displacement; they are used nevertheless. In a file without twists, motions \
              between poses are linear",
             contradicted.join(", "),
-            100.0 * most
+            100.0 * worst
         )
     });
-    notes.extend(stretch::notes(&waveforms, [start, end]));
+    notes.extend(coverage::notes(&waveforms, [start, end]));
     let inputs = waveforms.into_iter().map(|(body, waveform)| MotionInput {
         body,
-        waveform: knots::cut(waveform, start, begin_ns),
+        waveform: track::cut(waveform, start, begin_ns),
         allow_jump: false,
     });
     let end_ns = begin_ns.saturating_add(end - start);
-    Ok(Motion {
+    Ok(RecordedMotion {
         inputs: inputs.collect(),
         start_ns: begin_ns,
         end_ns,
         notes,
         warnings: Vec::from_iter(warnings),
-        lost,
+        truncation: lost,
     })
-}
-
-/// A twist that says nothing.
-fn no_twist() -> Twist {
-    Twist::default()
 }
 
 #[cfg(test)]

@@ -1,102 +1,108 @@
-//! Our windows in a recording of ours.
+//! Reader of the windows of a recording.
 
-use crate::chunk::LARGEST;
+use crate::chunk::MAX_CHUNK_BYTES;
 use crate::error::{Error, Result};
-use crate::messages::{Lost, Message, Messages};
-use crate::meta::{self, Meta};
-use crate::told;
+use crate::messages::{McapMessage, MessageReader, Truncation};
+use crate::metadata::{METADATA_NAME, RecordingMetadata, START_ATTACHMENT};
+use crate::summary_section;
 use crate::window::{PARAMETERS, STEP};
 use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{SolverParameters, WindowRecord};
 use std::path::Path;
 
-/// What is told beside the numbers: nobody computes it again, and pictures are large.
-const ASIDE: [&str; 3] = ["/stones", "/scene", "/log"];
+/// Topics that verification does not compare.
+const SKIPPED_TOPICS: [&str; 3] = ["/stones", "/scene", "/log"];
 
-/// Name of the attachment that holds the state at the beginning.
-pub(crate) const START: &str = "start.h5";
-
-/// A window as it was recorded.
+/// Window of a recording.
 #[derive(Debug, Clone)]
-pub struct Window {
-    /// Set before this window.
+pub struct RecordedWindow {
+    /// Solver parameters that were set before this window.
     pub parameters: Option<SolverParameters>,
+    /// Request and reply of the window.
     pub record: WindowRecord,
-    /// The messages of the window's end, in order, without pictures and log; the record itself comes last.
-    pub messages: Vec<Message>,
-    /// Those before it that are of another time: of the recording's start.
-    pub before: Vec<Message>,
+    /// Messages at the window's end, in order, without pictures and log; the last one is the record.
+    pub messages: Vec<McapMessage>,
+    /// Messages before it with another time: those of the recording's start.
+    pub before: Vec<McapMessage>,
 }
 
-/// Reads a recording window by window.
-pub struct Windows {
-    messages: Messages,
-    meta: Meta,
-    /// Messages of the window that is not closed yet.
-    open: Vec<Message>,
-    /// Memory that they take.
+/// Reader of a recording, window by window.
+pub struct WindowReader {
+    messages: MessageReader,
+    meta: RecordingMetadata,
+    /// Messages of the unfinished window.
+    open: Vec<McapMessage>,
+    /// Memory of these messages, bytes.
     open_bytes: u64,
     parameters: Option<SolverParameters>,
-    /// Whether a window was given.
+    /// True after the first window.
     is_begun: bool,
 }
 
-/// Whether a file says that it is a recording of ours.
+/// Returns true if a file is a recording of Ballast.
 ///
 /// # Errors
-/// The system refuses; it is no MCAP file.
-pub fn is_ours(path: &Path) -> Result<bool> {
-    let mut messages = Messages::open(path)?;
+/// A file that cannot be read, or is no MCAP file.
+pub fn is_recording(path: &Path) -> Result<bool> {
+    let mut messages = MessageReader::open(path)?;
     messages.read_to_first()?;
-    Ok(messages.metadata(meta::NAME).is_some())
+    Ok(messages.metadata(METADATA_NAME).is_some())
 }
 
-impl Windows {
+impl WindowReader {
     /// Opens a recording.
     ///
     /// # Errors
-    /// The system refuses; it is no MCAP file, or none of ours; its format is not known.
+    /// A file that cannot be read, is no recording of Ballast, or has another version of the format.
     pub fn open(path: &Path) -> Result<Self> {
-        let mut messages = Messages::open(path)?;
+        let mut messages = MessageReader::open(path)?;
         messages.read_to_first()?;
-        let Some(entries) = messages.metadata(meta::NAME) else {
-            let expected = "a recording of windows of ours";
+        let Some(entries) = messages.metadata(METADATA_NAME) else {
+            let expected = "a recording of Ballast";
             return Err(Error::unsuitable(path, "metadata", expected, "none"));
         };
-        let meta = Meta::from_entries(path, entries)?;
-        let (open, open_bytes, parameters, is_begun) = (Vec::new(), 0, None, false);
-        Ok(Self { messages, meta, open, open_bytes, parameters, is_begun })
+        let meta = RecordingMetadata::from_entries(path, entries)?;
+        Ok(Self {
+            messages,
+            meta,
+            open: Vec::new(),
+            open_bytes: 0,
+            parameters: None,
+            is_begun: false,
+        })
     }
 
-    pub fn meta(&self) -> &Meta {
+    /// Metadata of the recording.
+    pub fn meta(&self) -> &RecordingMetadata {
         &self.meta
     }
 
-    /// The checkpoint from which the recording goes on, where it does not begin at the case's beginning.
+    /// Checkpoint at which the recording starts; `None` if it starts with the case.
     pub fn start(&self) -> Option<&[u8]> {
-        self.messages.attachment(START)
+        self.messages.attachment(START_ATTACHMENT)
     }
 
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         self.messages.path()
     }
 
-    /// Where the file says that its last message is, ns. Nothing is to depend on it but the time that is left.
-    pub fn told_end_ns(&self) -> Option<u64> {
-        told::end_ns(self.path())
+    /// Time of the last message according to the file, ns. A hint for estimates of remaining time only.
+    pub fn end_time_hint_ns(&self) -> Option<u64> {
+        summary_section::end_time_ns(self.path())
     }
 
-    /// Why reading ended early, if it did. Messages of a window that was not closed are lost then.
-    pub fn lost(&self) -> Option<&Lost> {
-        self.messages.lost()
+    /// Reason of an early end of reading, if there is one. Messages of an unfinished window are then not returned.
+    pub fn truncation(&self) -> Option<&Truncation> {
+        self.messages.truncation()
     }
 
-    /// The next window; `None` after the last whole one.
+    /// Returns the next window; `None` after the last complete one.
     ///
     /// # Errors
-    /// The system refuses; a record that cannot be read, or out of order; a whole file whose last messages no window has.
+    /// A file or record that cannot be read; records out of order; messages after the last window of a complete file.
     #[allow(clippy::should_implement_trait)]
-    pub fn next(&mut self) -> Result<Option<Window>> {
+    pub fn next(&mut self) -> Result<Option<RecordedWindow>> {
         while let Some(message) = self.messages.next()? {
             let path = self.messages.path();
             if message.channel.topic == PARAMETERS {
@@ -105,14 +111,14 @@ impl Windows {
                 self.parameters = Some(set);
                 continue;
             }
-            if ASIDE.contains(&&message.channel.topic[..]) {
+            if SKIPPED_TOPICS.contains(&&message.channel.topic[..]) {
                 continue;
             }
             if message.channel.topic != STEP {
-                self.open_bytes += (size_of::<Message>() + message.data.len()) as u64;
-                if self.open_bytes > LARGEST {
+                self.open_bytes += (size_of::<McapMessage>() + message.data.len()) as u64;
+                if self.open_bytes > MAX_CHUNK_BYTES {
                     let place = format!("{} at {} ns", message.channel.topic, message.log_time);
-                    let expected = format!("a window of at most {LARGEST} bytes");
+                    let expected = format!("a window of at most {MAX_CHUNK_BYTES} bytes");
                     return Err(Error::damaged(path, place, expected, "a larger one"));
                 }
                 self.open.push(message);
@@ -133,13 +139,13 @@ impl Windows {
             let (messages, before) = messages.into_iter().partition(|m| Some(m.log_time) == end);
             let parameters = self.parameters.take();
             self.is_begun = true;
-            return Ok(Some(Window { parameters, record, messages, before }));
+            return Ok(Some(RecordedWindow { parameters, record, messages, before }));
         }
-        // Of a recording that was ended before its first window there is the beginning alone.
+        // A recording that ended before its first window has only the messages of its start.
         let is_empty =
             !self.is_begun && self.open.windows(2).all(|pair| pair[0].log_time == pair[1].log_time);
         match self.open.first() {
-            Some(message) if self.lost().is_none() && !is_empty => {
+            Some(message) if self.truncation().is_none() && !is_empty => {
                 let place = format!("{} at {} ns", message.channel.topic, message.log_time);
                 let expected = format!("a window of it, closed by {STEP}");
                 Err(Error::damaged(self.path(), place, expected, "the end of the file"))

@@ -1,9 +1,9 @@
-//! Computes a recording again and compares, window by window, message by message.
+//! Verification of a recording: recomputes its windows and compares all messages.
 
-use crate::entry::Entry;
 use crate::error::{Error, Result};
-use crate::messages::Message;
-use crate::recording::{Window, Windows};
+use crate::messages::McapMessage;
+use crate::recording::{RecordedWindow, WindowReader};
+use crate::topic_message::TopicMessage;
 use crate::window::{self, zone_topic};
 use ballast::component::{self, Component, Refusal, StepCallback, StopReason, WindowResult};
 use ballast::model::Model;
@@ -14,29 +14,31 @@ use ballast_protocol::messages::{AdvanceReply, StateHash, decode_to_json};
 use serde_json::Value;
 use std::ops::ControlFlow;
 
-/// Hash of model and state.
+/// Function that returns the hash of model and state.
 pub type HashFn = fn(&Model, &State) -> u128;
 
-/// The first thing that differs.
+/// First difference between a recording and its recomputation.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Difference {
-    /// Number of the window; 0: the start.
+    /// Number of the window; 0 for the start.
     pub seq: u64,
-    /// Step and time (ns) at the end of the window.
+    /// Step at the end of the window.
     pub step: u64,
+    /// Time at the end of the window, ns.
     pub time_ns: u64,
-    /// Topic, with the body or zone.
+    /// Topic of the message.
     pub topic: String,
-    /// Path of the field; empty: the whole message.
+    /// Path of the field; empty for the whole message.
     pub field: String,
+    /// Recorded value.
     pub recorded: String,
+    /// Computed value.
     pub computed: String,
 }
 
 impl std::fmt::Display for Difference {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let Self { seq, step, time_ns, topic, field, recorded, computed } = self;
-        // A message may be of a single value.
         let field = if field.is_empty() { String::new() } else { format!(", {field}") };
         write!(
             f,
@@ -46,34 +48,37 @@ impl std::fmt::Display for Difference {
     }
 }
 
-/// What verification found.
+/// Result of a verification.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Verdict {
-    /// Every window of the file, this many, is what this program computes.
-    Same {
+pub enum VerificationResult {
+    /// All windows are identical.
+    Identical {
+        /// Number of windows.
         windows: u64,
     },
+    /// A window differs.
     Different(Box<Difference>),
-    /// `watch` ended it after this many equal windows.
+    /// The caller stopped the verification.
     Stopped {
+        /// Number of identical windows until then.
         windows: u64,
     },
 }
 
-/// Computes the windows of a recording with a component at the recording's start.
+/// Recomputes the windows of a recording with a component at the recording's start, and compares them.
 ///
-/// `zones`: those of the case; measured where the recording has them. `watch` sees the time (ns) after
-/// each step and each window, and may end the verification.
+/// Of the `zones` of the case, those in the recording are measured. `watch` receives the time (ns) after
+/// each step and each window, and may stop the verification.
 ///
 /// # Errors
-/// A file that cannot be read further than what is told as lost.
+/// A file or window that cannot be read.
 pub fn verify(
-    windows: &mut Windows,
+    windows: &mut WindowReader,
     component: &mut Component,
     zones: &[Zone],
     hash: HashFn,
     watch: &mut (dyn FnMut(u64) -> ControlFlow<()> + Send),
-) -> Result<Verdict> {
+) -> Result<VerificationResult> {
     let start = StateHash::from(hash(component.model(), component.state()));
     let recorded = windows.meta().initial_hash;
     if start != recorded {
@@ -81,10 +86,10 @@ pub fn verify(
         return Ok(different(0, component.state(), "metadata", "initial_hash", texts));
     }
     let mut count = 0;
-    let refused = |windows: &Windows, e| Error::Refused(e, windows.path().into());
-    // What stands there before a window: of the first one, where all begins.
-    let mut start =
-        window::start(component.model(), component.state()).map_err(|e| refused(windows, e))?;
+    let refused = |windows: &WindowReader, e| Error::Refused(e, windows.path().into());
+    // Messages before a window: for the first one, those of the recording's start.
+    let mut start = window::start_messages(component.model(), component.state())
+        .map_err(|e| refused(windows, e))?;
     while let Some(window) = windows.next()? {
         let seq = window.record.seq;
         if let Some((topic, [field, recorded, computed])) = compare(&window.before, &start) {
@@ -94,33 +99,43 @@ pub fn verify(
         start.clear();
         let mut outcome = match advance(&window, component, watch) {
             Ok(outcome) => outcome,
-            Err(Unfinished::Stopped) => return Ok(Verdict::Stopped { windows: count }),
-            Err(Unfinished::Refused(refusal)) => {
-                let texts = ["a window that was computed".into(), format!("refused: {refusal}")];
+            Err(WindowStop::Stopped) => return Ok(VerificationResult::Stopped { windows: count }),
+            Err(WindowStop::Refused(refusal)) => {
+                let texts = ["a computed window".into(), format!("refused: {refusal}")];
                 return Ok(different(seq, component.state(), window::STEP, "request", texts));
             }
         };
         let reply = reply(&window, component, zones, hash, &mut outcome);
-        let entries =
-            window::entries(component.model(), component.state(), &window.record.request, &reply)
-                .map_err(|e| refused(windows, e))?;
+        let entries = window::window_messages(
+            component.model(),
+            component.state(),
+            &window.record.request,
+            &reply,
+        )
+        .map_err(|e| refused(windows, e))?;
         if let Some((topic, [field, recorded, computed])) = compare(&window.messages, &entries) {
             let texts = [recorded, computed];
             return Ok(different(seq, component.state(), &topic, &field, texts));
         }
         count += 1;
         if watch(component.now_ns()).is_break() {
-            return Ok(Verdict::Stopped { windows: count });
+            return Ok(VerificationResult::Stopped { windows: count });
         }
     }
-    Ok(Verdict::Same { windows: count })
+    Ok(VerificationResult::Identical { windows: count })
 }
 
-fn different(seq: u64, state: &State, topic: &str, field: &str, texts: [String; 2]) -> Verdict {
+fn different(
+    seq: u64,
+    state: &State,
+    topic: &str,
+    field: &str,
+    texts: [String; 2],
+) -> VerificationResult {
     let [recorded, computed] = texts;
     let (topic, field) = (topic.into(), field.into());
     let (step, time_ns) = (state.step, state.time_ns);
-    Verdict::Different(Box::new(Difference {
+    VerificationResult::Different(Box::new(Difference {
         seq,
         step,
         time_ns,
@@ -131,19 +146,20 @@ fn different(seq: u64, state: &State, topic: &str, field: &str, texts: [String; 
     }))
 }
 
-/// Why a window was not computed to its end.
-enum Unfinished {
-    /// `watch` has ended it.
+/// Reason of a window that was not computed to its end.
+enum WindowStop {
+    /// The caller stopped it.
     Stopped,
+    /// The component refused it, with this message.
     Refused(String),
 }
 
 fn advance(
-    window: &Window,
+    window: &RecordedWindow,
     component: &mut Component,
     watch: &mut (dyn FnMut(u64) -> ControlFlow<()> + Send),
-) -> std::result::Result<WindowResult, Unfinished> {
-    let refused = |e: &dyn std::fmt::Display| Unfinished::Refused(e.to_string());
+) -> std::result::Result<WindowResult, WindowStop> {
+    let refused = |e: &dyn std::fmt::Display| WindowStop::Refused(e.to_string());
     if let Some(set) = window.parameters {
         component.set_parameters(&set.into()).map_err(|e| refused(&e))?;
     }
@@ -159,14 +175,14 @@ fn advance(
         }
     });
     component.advance_observed(asked.t1_ns, inputs, &mut observe).map_err(|e| match e {
-        Refusal::Cancelled => Unfinished::Stopped,
+        Refusal::Cancelled => WindowStop::Stopped,
         other => refused(&other),
     })
 }
 
-/// The reply, with those zones that the recording has.
+/// Returns the reply, with the zones that the recording has.
 fn reply(
-    window: &Window,
+    window: &RecordedWindow,
     component: &Component,
     zones: &[Zone],
     hash: HashFn,
@@ -182,10 +198,10 @@ fn reply(
     AdvanceReply::of(&window.record.request, model, outcome, hash(model, state).into())
 }
 
-/// Topic, and field with both values, of the first entry that the recording has otherwise, or of the first message
-/// that nothing computed corresponds to.
-fn compare(recorded: &[Message], computed: &[Entry]) -> Option<(String, [String; 3])> {
-    let mut rest: Vec<&Message> = recorded.iter().collect();
+/// Returns topic, field, recorded and computed value of the first difference, or of the first message without a computed
+/// counterpart.
+fn compare(recorded: &[McapMessage], computed: &[TopicMessage]) -> Option<(String, [String; 3])> {
+    let mut rest: Vec<&McapMessage> = recorded.iter().collect();
     for entry in computed {
         let place = rest.iter().position(|m| m.channel.topic == entry.topic);
         let Some(message) = place.map(|i| rest.remove(i)) else {
@@ -200,7 +216,7 @@ fn compare(recorded: &[Message], computed: &[Entry]) -> Option<(String, [String;
     Some((more.channel.topic.clone(), ["message".into(), "one".into(), "none".into()]))
 }
 
-fn field(message: &Message, entry: &Entry) -> [String; 3] {
+fn field(message: &McapMessage, entry: &TopicMessage) -> [String; 3] {
     if message.channel.schema != entry.kind {
         return ["type".into(), message.channel.schema.clone(), entry.kind.into()];
     }
@@ -212,7 +228,7 @@ fn field(message: &Message, entry: &Entry) -> [String; 3] {
     }
 }
 
-/// Path of the first leaf that differs, and both leaves.
+/// Returns the path of the first different leaf, and both leaves.
 fn first_difference(a: &Value, b: &Value, path: String) -> Option<[String; 3]> {
     match (a, b) {
         (Value::Object(x), Value::Object(y)) if x.len() == y.len() => {
@@ -227,7 +243,7 @@ fn first_difference(a: &Value, b: &Value, path: String) -> Option<[String; 3]> {
             .enumerate()
             .find_map(|(i, (v, w))| first_difference(v, w, format!("{path}[{i}]"))),
         _ => {
-            // By their texts: numbers of opposite sign are equal at zero.
+            // Compares texts, because zeros of opposite sign are equal as numbers.
             let texts = [a.to_string(), b.to_string()];
             let [recorded, computed] = &texts;
             (recorded != computed).then(|| [path, recorded.clone(), computed.clone()])
@@ -241,7 +257,7 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn the_first_leaf_that_differs_is_named() {
+    fn the_first_different_leaf_is_found() {
         let a = json!({"x": {"y": [1.0, {"z": 2.5}]}, "w": 0.0});
         let changed = |pointer: &str, value: Value| {
             let mut b = a.clone();

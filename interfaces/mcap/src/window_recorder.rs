@@ -1,10 +1,10 @@
 //! Recorder of the windows of a run, any of which may be redone.
 
-use crate::entry::Entry;
 use crate::error::{Error, Result};
-use crate::meta::Meta;
-use crate::recording::{self, START};
-use crate::writer::Writer;
+use crate::metadata::{RecordingMetadata, START_ATTACHMENT};
+use crate::recording;
+use crate::topic_message::TopicMessage;
+use crate::writer::McapWriter;
 use crate::{scene, window};
 use ballast::component;
 use ballast::math::Vec3;
@@ -33,7 +33,7 @@ const POINTS_PER_SCENE: u64 = 10;
 pub struct WindowRecorder {
     path: PathBuf,
     /// `None` once the file is finished.
-    writer: Option<Writer>,
+    writer: Option<McapWriter>,
     /// Process that began the file: a fork of it must not write to it.
     process: u32,
     run_id: String,
@@ -100,7 +100,7 @@ pub fn may_become_a_recording(path: &Path) -> Result<()> {
     match &start[..] {
         [] => Ok(()),
         // One that cannot be read may be what a kill has left of ours.
-        mcap if mcap == mcap::MAGIC => match recording::is_ours(path) {
+        mcap if mcap == mcap::MAGIC => match recording::is_recording(path) {
             Ok(false) => refused("one of another program"),
             _ => Ok(()),
         },
@@ -146,7 +146,7 @@ impl WindowRecorder {
     pub fn begin<E: Into<Box<dyn std::error::Error + Send + Sync>>>(
         path: &Path,
         plan: &Plan,
-        meta: &Meta,
+        meta: &RecordingMetadata,
         model: &Model,
         state: &State,
         checkpoint: impl FnOnce() -> std::result::Result<Vec<u8>, E>,
@@ -157,9 +157,9 @@ impl WindowRecorder {
         } else {
             Some(checkpoint().map_err(|e| Error::Start(e.into()))?)
         };
-        let mut writer = Writer::create(path, Some(meta))?;
+        let mut writer = McapWriter::create(path, Some(meta))?;
         if let Some(start) = start {
-            writer.attach(START, state.time_ns, &start)?;
+            writer.attach(START_ATTACHMENT, state.time_ns, &start)?;
         }
         let mut recorder = Self {
             path: path.into(),
@@ -173,7 +173,7 @@ impl WindowRecorder {
             picture_ns: plan.run.output_ns,
             pictures: 0,
         };
-        recorder.write_all(window::start(model, state))?;
+        recorder.write_all(window::start_messages(model, state))?;
         if recorder.picture_ns > 0 {
             recorder.picture(model, state, &[])?;
         }
@@ -242,10 +242,10 @@ impl WindowRecorder {
         if parameters != self.parameters {
             self.parameters = parameters;
             let begin = core_ns(request.t0_ns);
-            let entry = Entry::of(window::PARAMETERS, begin, &parameters);
+            let entry = TopicMessage::of(window::PARAMETERS, begin, &parameters);
             self.write_all(entry.map(|entry| vec![entry]))?;
         }
-        self.write_all(window::entries(&model, &state, &request, &reply))?;
+        self.write_all(window::window_messages(&model, &state, &request, &reply))?;
         for note in &notes {
             self.write_log(state.time_ns, note)?;
         }
@@ -269,7 +269,7 @@ impl WindowRecorder {
 
     fn write_log(&mut self, time_ns: u64, text: &str) -> Result<()> {
         let log = Log::info(time_ns, "ballast", text);
-        self.write_all(Entry::of("/log", time_ns, &log).map(|entry| vec![entry]))
+        self.write_all(TopicMessage::of("/log", time_ns, &log).map(|entry| vec![entry]))
     }
 
     fn picture(&mut self, model: &Model, state: &State, forces: &[Vec3]) -> Result<()> {
@@ -278,14 +278,17 @@ impl WindowRecorder {
         self.write_all(scene::pictures(model, state, forces, whole))
     }
 
-    fn write_all(&mut self, entries: std::result::Result<Vec<Entry>, MessageError>) -> Result<()> {
+    fn write_all(
+        &mut self,
+        entries: std::result::Result<Vec<TopicMessage>, MessageError>,
+    ) -> Result<()> {
         let entries = entries.map_err(|e| Error::Refused(e, self.path.clone()))?;
         let Some(writer) = &mut self.writer else { return Ok(()) };
         entries.iter().try_for_each(|entry| writer.write(entry))
     }
 
     fn end(&mut self) -> Result<()> {
-        self.writer.take().map_or(Ok(()), Writer::finish)
+        self.writer.take().map_or(Ok(()), McapWriter::finish)
     }
 }
 

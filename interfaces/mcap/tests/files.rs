@@ -1,8 +1,10 @@
-//! Files: equal bytes, files cut short, damaged files, files of other programs.
+//! Tests of files: equal bytes, truncated files, damaged files, files of other programs.
 
-use ballast_mcap::messages::Messages;
-use ballast_mcap::recording::{self, Windows};
-use ballast_mcap::{Drive, Entry, Error, Meta, Writer, may_become_a_recording};
+use ballast_mcap::messages::MessageReader;
+use ballast_mcap::recording::{self, WindowReader};
+use ballast_mcap::{
+    Drive, Error, McapWriter, RecordingMetadata, TopicMessage, may_become_a_recording,
+};
 use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{Header, PoseStamped};
 use mcap::records::op;
@@ -10,8 +12,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
-fn meta() -> Meta {
-    Meta {
+fn meta() -> RecordingMetadata {
+    RecordingMetadata {
         program: "ballast 0".into(),
         case_name: "case".into(),
         case_key: "key".into(),
@@ -19,22 +21,22 @@ fn meta() -> Meta {
         step_ns: 1000,
         schedule: "synchronous".into(),
         drive: Drive::Inputs,
-        choices: BTreeMap::from([("seed".into(), "7".into())]),
+        overrides: BTreeMap::from([("seed".into(), "7".into())]),
         initial_hash: 12_u128.into(),
     }
 }
 
-fn pose(i: u64) -> Entry {
+fn pose(i: u64) -> TopicMessage {
     let mut message = PoseStamped { header: Header::world(i * 1000), ..PoseStamped::default() };
     message.pose.position.x = (i as f64 * 0.1).sin();
-    Entry::of(format!("/body_{}/pose", i % 3), i * 1000, &message).unwrap()
+    TopicMessage::of(format!("/body_{}/pose", i % 3), i * 1000, &message).unwrap()
 }
 
-/// Long enough for several chunks.
+/// Number of messages, enough for several chunks.
 const MESSAGES: u64 = 3000;
 
-fn write(path: &Path, meta: Option<&Meta>) {
-    let mut writer = Writer::create(path, meta).unwrap();
+fn write(path: &Path, meta: Option<&RecordingMetadata>) {
+    let mut writer = McapWriter::create(path, meta).unwrap();
     (0..MESSAGES).for_each(|i| writer.write(&pose(i)).unwrap());
     writer.finish().unwrap();
 }
@@ -45,15 +47,15 @@ fn place(name: &str) -> (TempDir, PathBuf) {
     (folder, path)
 }
 
-/// Times of the messages that can be read, and why reading ended.
+/// Returns the times of the readable messages, and the reason of an early end.
 fn read(path: &Path) -> Result<(Vec<u64>, Option<String>), Error> {
-    let mut messages = Messages::open(path)?;
+    let mut messages = MessageReader::open(path)?;
     let mut times = Vec::new();
     while let Some(message) = messages.next()? {
         times.push(message.log_time);
     }
-    let lost = messages.lost();
-    assert!(lost.is_none_or(|lost| lost.kept == times.len() as u64));
+    let lost = messages.truncation();
+    assert!(lost.is_none_or(|lost| lost.messages == times.len() as u64));
     Ok((times, lost.map(|lost| lost.reason.clone())))
 }
 
@@ -67,34 +69,37 @@ fn header(channel_id: u16, time_ns: u64) -> mcap::records::MessageHeader {
 }
 
 #[test]
-fn equal_messages_leave_equal_bytes_and_come_back() {
+fn equal_messages_give_equal_bytes_and_can_be_read() {
     let (_folder, path) = place("a.mcap");
     let other = path.with_file_name("b.mcap");
     write(&path, Some(&meta()));
     write(&other, Some(&meta()));
     assert_eq!(std::fs::read(&path).unwrap(), std::fs::read(&other).unwrap());
     assert_eq!(read(&path).unwrap(), (all_times(), None));
-    assert!(recording::is_ours(&path).unwrap());
-    assert_eq!(*Windows::open(&path).unwrap().meta(), meta());
-    let mut messages = Messages::open(&path).unwrap();
+    assert!(recording::is_recording(&path).unwrap());
+    assert_eq!(*WindowReader::open(&path).unwrap().meta(), meta());
+    let mut messages = MessageReader::open(&path).unwrap();
     let first = messages.next().unwrap().unwrap();
     assert_eq!(first.channel.schema, "geometry_msgs/msg/PoseStamped");
     assert_eq!(from_cdr::<PoseStamped>(&first.data).unwrap().header, Header::world(0));
 }
 
 #[test]
-fn a_recording_that_is_gone_at_its_end_is_no_recording() {
+fn a_recording_that_was_removed_cannot_be_finished() {
     let (_folder, path) = place("a.mcap");
     for replaced in [false, true] {
-        let mut writer = Writer::create(&path, Some(&meta())).unwrap();
+        let mut writer = McapWriter::create(&path, Some(&meta())).unwrap();
         writer.write(&pose(0)).unwrap();
         std::fs::remove_file(&path).unwrap();
         if replaced {
             std::fs::write(&path, "another").unwrap();
         }
-        let said = writer.finish().unwrap_err().to_string();
-        assert!(said.contains("a.mcap: recording: expected the file that was begun"), "{said}");
-        assert!(said.contains("another file, or none, lies there now"), "{said}");
+        let message = writer.finish().unwrap_err().to_string();
+        assert!(
+            message.contains("a.mcap: recording: expected the file that was created"),
+            "{message}"
+        );
+        assert!(message.contains("another file, or none, at this path"), "{message}");
     }
     assert_eq!(std::fs::read_to_string(&path).unwrap(), "another");
     // A link leads to the file that was begun.
@@ -107,9 +112,9 @@ fn a_recording_that_is_gone_at_its_end_is_no_recording() {
 #[test]
 fn a_topic_keeps_its_type() {
     let (_folder, path) = place("a.mcap");
-    let mut writer = Writer::create(&path, None).unwrap();
+    let mut writer = McapWriter::create(&path, None).unwrap();
     writer.write(&pose(0)).unwrap();
-    let other = Entry::of("/body_0/pose", 0, &Header::world(0)).unwrap();
+    let other = TopicMessage::of("/body_0/pose", 0, &Header::world(0)).unwrap();
     let error = writer.write(&other).unwrap_err().to_string();
     assert!(error.contains("/body_0/pose") && error.contains("std_msgs/msg/Header"), "{error}");
 }
@@ -118,7 +123,7 @@ fn a_topic_keeps_its_type() {
 fn only_a_file_becomes_a_recording() {
     let (folder, path) = place("pipe");
     let measured = folder.path().join("measured.mcap");
-    let mut writer = Writer::create(&measured, None).unwrap();
+    let mut writer = McapWriter::create(&measured, None).unwrap();
     writer.write(&pose(0)).unwrap();
     writer.finish().unwrap();
     assert!(std::process::Command::new("mkfifo").arg(&path).status().unwrap().success());
@@ -128,9 +133,9 @@ fn only_a_file_becomes_a_recording() {
         (folder.path(), "a folder"),
         (&measured, "one of another program"),
     ] {
-        let said = may_become_a_recording(at).unwrap_err().to_string();
+        let message = may_become_a_recording(at).unwrap_err().to_string();
         let expected = "expected a new file, or a recording of ours to replace, found ";
-        assert!(said.ends_with(&format!("{expected}{found}")), "{said}");
+        assert!(message.ends_with(&format!("{expected}{found}")), "{message}");
     }
     may_become_a_recording(&folder.path().join("new.mcap")).unwrap();
 }
@@ -142,7 +147,7 @@ fn a_file_cut_short_is_read_up_to_its_last_whole_chunk() {
     let whole = std::fs::read(&path).unwrap();
     let cut = path.with_file_name("cut.mcap");
     let mut counts = Vec::new();
-    // The last bytes are index and footer: without them nothing is lost.
+    // The last bytes are index and footer: without them all messages are readable.
     for part in 1..60 {
         std::fs::write(&cut, &whole[..whole.len() * part / 60]).unwrap();
         match read(&cut) {
@@ -159,11 +164,11 @@ fn a_file_cut_short_is_read_up_to_its_last_whole_chunk() {
 }
 
 #[test]
-fn a_writer_that_is_gone_leaves_its_chunks() {
+fn a_killed_writer_leaves_its_chunks() {
     let (_folder, path) = place("a.mcap");
-    let mut writer = Writer::create(&path, Some(&meta())).unwrap();
+    let mut writer = McapWriter::create(&path, Some(&meta())).unwrap();
     (0..MESSAGES).for_each(|i| writer.write(&pose(i)).unwrap());
-    // As after a kill: what the system has been given so far.
+    // As after a kill: the bytes written so far.
     let killed = path.with_file_name("killed.mcap");
     std::fs::copy(&path, &killed).unwrap();
     let (times, lost) = read(&killed).unwrap();
@@ -173,7 +178,7 @@ fn a_writer_that_is_gone_leaves_its_chunks() {
 }
 
 #[test]
-fn changed_bytes_do_no_harm() {
+fn changed_bytes_cause_no_panic() {
     let (_folder, path) = place("a.mcap");
     write(&path, Some(&meta()));
     let whole = std::fs::read(&path).unwrap();
@@ -188,13 +193,13 @@ fn changed_bytes_do_no_harm() {
                 Ok((_, None)) => {}
                 _ => noticed += 1,
             }
-            let _ = Windows::open(&broken).and_then(|mut windows| windows.next());
+            let _ = WindowReader::open(&broken).and_then(|mut windows| windows.next());
         }
     }
     assert!(noticed > 200, "checksums of chunks: {noticed}");
 }
 
-/// Where the records outside of chunks begin, up to the end of the messages.
+/// Returns the offsets of the records outside of chunks, up to the end of the data section.
 fn records(whole: &[u8]) -> Vec<usize> {
     let mut at = mcap::MAGIC.len();
     let mut begins = vec![];
@@ -205,16 +210,16 @@ fn records(whole: &[u8]) -> Vec<usize> {
     begins
 }
 
-/// Whether reading says that the file is damaged, not that it is cut short.
+/// Returns true if the reader reports damage, not truncation.
 fn is_damaged(path: &Path, bytes: &[u8]) -> bool {
     std::fs::write(path, bytes).unwrap();
-    let Ok(mut messages) = Messages::open(path) else { return true };
+    let Ok(mut messages) = MessageReader::open(path) else { return true };
     while messages.next().unwrap().is_some() {}
-    messages.lost().is_some_and(|lost| !lost.is_cut)
+    messages.truncation().is_some_and(|lost| !lost.is_cut)
 }
 
 #[test]
-fn no_bit_of_a_record_s_kind_and_length_turns_it_into_nothing() {
+fn a_changed_bit_of_kind_or_length_is_detected() {
     let (_folder, path) = place("a.mcap");
     write(&path, Some(&meta()));
     let whole = std::fs::read(&path).unwrap();
@@ -229,7 +234,7 @@ fn no_bit_of_a_record_s_kind_and_length_turns_it_into_nothing() {
 }
 
 #[test]
-fn a_chunk_that_is_missing_is_missed_without_checksums_too() {
+fn a_missing_chunk_is_detected_without_checksums() {
     let (_folder, path) = place("a.mcap");
     for has_index in [true, false] {
         let file = std::fs::File::create(&path).unwrap();
@@ -245,7 +250,7 @@ fn a_chunk_that_is_missing_is_missed_without_checksums_too() {
         let chunks = records(&whole).into_iter().filter(|at| whole[*at] == op::CHUNK);
         let chunk = chunks.collect::<Vec<_>>()[3];
         let broken = path.with_file_name("broken.mcap");
-        // The last is a kind that any program may have for itself.
+        // The last is a private kind.
         for kind in [0, op::MESSAGE_INDEX, op::CHUNK_INDEX, op::ATTACHMENT, op::FOOTER, 0x86] {
             let mut bytes = whole.clone();
             bytes[chunk] = kind;
@@ -270,14 +275,14 @@ fn chunks_of_other_programs_are_read() {
         drop(writer);
         let (times, lost) = read(&path).unwrap();
         assert_eq!((times.len(), lost), (100, None));
-        assert!(!recording::is_ours(&path).unwrap());
-        let error = Windows::open(&path).err().unwrap().to_string();
-        assert!(error.contains("windows of ours"), "{error}");
+        assert!(!recording::is_recording(&path).unwrap());
+        let error = WindowReader::open(&path).err().unwrap().to_string();
+        assert!(error.contains("a recording of Ballast"), "{error}");
     }
 }
 
 #[test]
-fn chunks_that_lie_are_refused() {
+fn chunks_with_wrong_lengths_are_refused() {
     let (_folder, path) = place("a.mcap");
     let file = std::fs::File::create(&path).unwrap();
     let mut writer = mcap::WriteOptions::new().compression(None).create(file).unwrap();
@@ -305,7 +310,7 @@ fn chunks_that_lie_are_refused() {
 }
 
 #[test]
-fn a_record_in_a_chunk_that_is_not_known_is_told() {
+fn an_unknown_record_in_a_chunk_is_reported() {
     let (_folder, path) = place("a.mcap");
     for ours in [false, true] {
         let file = std::fs::File::create(&path).unwrap();
@@ -325,28 +330,28 @@ fn a_record_in_a_chunk_that_is_not_known_is_told() {
         // Before the content are kind, length, channel, number and two times.
         let kind = whole.windows(4).position(|w| w == b"mark").unwrap() - 31;
         assert_eq!(whole[kind], op::MESSAGE);
-        // What any program may have for itself is passed over, except by ourselves: we write none.
-        let counted = "1 messages in 1 chunks, where 2 in 1 were written".to_string();
-        let stray = |kind| format!("a record of kind {kind:#04x} where none belongs");
-        let private = if ours { stray(0x86) } else { counted };
+        // Private records are skipped, except in recordings of Ballast, which have none.
+        let miscounted = "1 messages in 1 chunks, where 2 in 1 were written".to_string();
+        let stray = |kind| format!("a record of kind {kind:#04x} at a wrong place");
+        let private = if ours { stray(0x86) } else { miscounted };
         let kinds = [0, 0x33, op::METADATA, op::CHUNK].map(|kind| (kind, stray(kind)));
-        for (other, says) in kinds.into_iter().chain([(0x86, private)]) {
+        for (other, reason) in kinds.into_iter().chain([(0x86, private)]) {
             let mut bytes = whole.clone();
             bytes[kind] = other;
             std::fs::write(&path, bytes).unwrap();
-            assert_eq!(read(&path).unwrap().1, Some(says), "ours: {ours}");
+            assert_eq!(read(&path).unwrap().1, Some(reason), "ours: {ours}");
         }
     }
 }
 
 #[test]
-fn messages_of_a_chunk_take_no_more_than_a_chunk() {
+fn messages_of_a_chunk_have_limited_memory() {
     let (_folder, path) = place("a.mcap");
     let file = std::fs::File::create(&path).unwrap();
     let options = mcap::WriteOptions::new().chunk_size(None).emit_message_indexes(false);
     let mut writer = options.create(std::io::BufWriter::new(file)).unwrap();
     let channel = writer.add_channel(0, "/a", "json", &BTreeMap::new()).unwrap();
-    // 31 bytes each in the chunk, and twice as much for whoever reads it.
+    // 31 bytes each in the chunk, and twice as much in memory.
     (0..4_400_000).for_each(|_| writer.write_to_known_channel(&header(channel, 0), b"").unwrap());
     writer.finish().unwrap();
     drop(writer);
@@ -356,27 +361,27 @@ fn messages_of_a_chunk_take_no_more_than_a_chunk() {
 }
 
 #[test]
-fn other_files_and_versions_are_told() {
+fn other_files_and_versions_are_refused() {
     let (_folder, path) = place("a.mcap");
     for content in [&b""[..], b"not a recording", &[0x89, b'M', b'C', b'A', b'P', 0x30, 13, 10]] {
         std::fs::write(&path, content).unwrap();
-        let error = Messages::open(&path).err().unwrap();
+        let error = MessageReader::open(&path).err().unwrap();
         assert!(matches!(error, Error::Damaged { .. }), "{error}");
     }
     let missing = path.with_file_name("none.mcap");
-    assert!(matches!(Messages::open(&missing).err().unwrap(), Error::Io { .. }));
+    assert!(matches!(MessageReader::open(&missing).err().unwrap(), Error::Io { .. }));
 
     write(&path, Some(&meta()));
     let mut bytes = std::fs::read(&path).unwrap();
-    let key = b"\x06\0\0\0format\x01\0\0\x003";
+    let key = b"\x06\0\0\0format\x01\0\0\x004";
     let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len() - 1;
     bytes[at] = b'9';
     std::fs::write(&path, bytes).unwrap();
-    assert!(matches!(Windows::open(&path).err().unwrap(), Error::Version { .. }));
+    assert!(matches!(WindowReader::open(&path).err().unwrap(), Error::Version { .. }));
 }
 
 #[test]
-fn a_text_that_claims_more_than_there_is_costs_nothing() {
+fn a_text_with_a_wrong_length_is_refused() {
     let (_folder, path) = place("a.mcap");
     write(&path, Some(&meta()));
     let whole = std::fs::read(&path).unwrap();
@@ -387,18 +392,18 @@ fn a_text_that_claims_more_than_there_is_costs_nothing() {
         let mut bytes = whole.clone();
         bytes[length..length + 4].copy_from_slice(&u32::MAX.to_le_bytes());
         std::fs::write(&path, bytes).unwrap();
-        let said = match read(&path) {
+        let message = match read(&path) {
             Ok((_, lost)) => lost.unwrap(),
             Err(error) => error.to_string(),
         };
-        assert!(said.contains("a text that does not end within it"), "{said}");
+        assert!(message.contains("a text that does not end within it"), "{message}");
     }
 }
 
 #[test]
-fn an_attachment_without_its_checksum_is_told() {
+fn an_attachment_without_its_checksum_is_refused() {
     let (_folder, path) = place("a.mcap");
-    let mut writer = Writer::create(&path, Some(&meta())).unwrap();
+    let mut writer = McapWriter::create(&path, Some(&meta())).unwrap();
     writer.attach("start.h5", 0, b"").unwrap();
     writer.finish().unwrap();
     let mut bytes = std::fs::read(&path).unwrap();
@@ -413,47 +418,46 @@ fn an_attachment_without_its_checksum_is_told() {
     assert!(lost.unwrap().contains("a text that does not end within it"));
 }
 
-/// Zeros on a topic, more than a chunk may hold, which pack into next to nothing; no window closes.
+/// Writes zeros on a topic, more than a chunk may have, which compress to a small file; no window is complete.
 fn bomb(path: &Path, topic: &str) {
-    let mut writer = Writer::create(path, Some(&meta())).unwrap();
-    let mut entry = Entry::of(topic, 0, &Header::world(0)).unwrap();
+    let mut writer = McapWriter::create(path, Some(&meta())).unwrap();
+    let mut entry = TopicMessage::of(topic, 0, &Header::world(0)).unwrap();
     entry.bytes = vec![0; 8 << 20];
     (0..33).for_each(|_| writer.write(&entry).unwrap());
     writer.finish().unwrap();
 }
 
 #[test]
-fn a_window_takes_no_more_than_a_chunk_and_pictures_take_nothing() {
+fn a_window_has_limited_memory_and_pictures_are_skipped() {
     let (_folder, path) = place("a.mcap");
     bomb(&path, "/body/pose");
-    let error = Windows::open(&path).unwrap().next().unwrap_err();
+    let error = WindowReader::open(&path).unwrap().next().unwrap_err();
     assert!(matches!(error, Error::Damaged { .. }), "{error}");
     assert!(error.to_string().contains("/body/pose at 0 ns: expected a window of at most"));
     for aside in ["/stones", "/scene", "/log"] {
         bomb(&path, aside);
-        let mut windows = Windows::open(&path).unwrap();
-        assert!(windows.next().unwrap().is_none() && windows.lost().is_none());
+        let mut windows = WindowReader::open(&path).unwrap();
+        assert!(windows.next().unwrap().is_none() && windows.truncation().is_none());
     }
 }
 
 #[test]
-fn messages_that_no_window_has_are_told() {
+fn messages_after_the_last_window_are_an_error() {
     let (_folder, path) = place("a.mcap");
     write(&path, Some(&meta()));
-    let error = Windows::open(&path).unwrap().next().unwrap_err();
+    let error = WindowReader::open(&path).unwrap().next().unwrap_err();
     assert!(matches!(error, Error::Damaged { .. }), "{error}");
-    let said = error.to_string();
-    assert!(said.contains("/body_0/pose at 0 ns: expected a window of it"), "{said}");
-    // Of a file that is cut they are what was lost.
+    let message = error.to_string();
+    assert!(message.contains("/body_0/pose at 0 ns: expected a window of it"), "{message}");
+    // In a truncated file they are the lost rest.
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() * 2 / 3]).unwrap();
-    let mut windows = Windows::open(&path).unwrap();
-    assert!(windows.next().unwrap().is_none() && windows.lost().is_some());
+    let mut windows = WindowReader::open(&path).unwrap();
+    assert!(windows.next().unwrap().is_none() && windows.truncation().is_some());
 }
 
-/// Channels whose names are long, and stay.
 #[test]
-fn names_take_no_more_than_a_chunk() {
+fn names_have_limited_memory() {
     let (_folder, path) = place("a.mcap");
     let file = std::fs::File::create(&path).unwrap();
     let options = mcap::WriteOptions::new().chunk_size(Some(1 << 20));

@@ -8,7 +8,7 @@ use ballast::component::{Component, Limits};
 use ballast::model::Model;
 use ballast::state::State;
 pub use ballast_beds::Case;
-use ballast_mcap::recording::Windows;
+use ballast_mcap::recording::WindowReader;
 pub use ballast_scenario::CaseOverrides;
 use ballast_scenario::MAX_CASE_BYTES;
 use std::path::Path;
@@ -45,13 +45,13 @@ pub fn load(path: &Path, choices: &CaseOverrides, console: &dyn Reporter) -> Res
 /// # Errors
 /// A case that cannot be read or is invalid.
 pub fn recorded(
-    windows: &Windows,
+    windows: &WindowReader,
     given: Option<&Path>,
     choices: CaseOverrides,
     console: &dyn Reporter,
 ) -> Result<Case> {
     let meta = windows.meta();
-    let choices = choices.or(CaseOverrides::from_notes(&meta.choices)?);
+    let choices = choices.or(CaseOverrides::from_notes(&meta.overrides)?);
     match given {
         Some(path) => load(path, &choices, console),
         None => {

@@ -3,9 +3,9 @@
 use crate::{Failure, Result as Outcome};
 use ballast::component::{Component, Parameters, WindowInputs, WindowInputsRef};
 use ballast_mcap::Drive;
-use ballast_mcap::messages::Lost;
-use ballast_mcap::motion::Motion;
-use ballast_mcap::recording::Windows;
+use ballast_mcap::messages::Truncation;
+use ballast_mcap::motion::RecordedMotion;
+use ballast_mcap::recording::WindowReader;
 use std::path::{Path, PathBuf};
 
 /// Driver that moves bodies as a recording says.
@@ -20,19 +20,19 @@ pub struct RecordingDriver {
 enum Script {
     /// Windows of a Ballast recording: the inputs that were given.
     Windows {
-        windows: Box<Windows>,
+        windows: Box<WindowReader>,
         end_ns: u64,
         inputs: WindowInputs,
         /// Parameters that hold from the current window on, until they are set.
         parameters: Option<Parameters>,
     },
     /// Poses of any recording.
-    Motion { motion: Motion, inputs: WindowInputs },
+    Motion { motion: RecordedMotion, inputs: WindowInputs },
 }
 
 impl RecordingDriver {
     /// Builds the driver of the windows of a Ballast recording.
-    pub fn from_windows(windows: Windows) -> Self {
+    pub fn from_windows(windows: WindowReader) -> Self {
         let path = windows.path().to_path_buf();
         let (windows, inputs) = (Box::new(windows), WindowInputs::default());
         let script = Script::Windows { windows, end_ns: 0, inputs, parameters: None };
@@ -40,7 +40,7 @@ impl RecordingDriver {
     }
 
     /// Builds the driver of recorded poses; with `allow_jump`, the bodies are moved to them from wherever they are.
-    pub fn from_motion(path: &Path, mut motion: Motion, allow_jump: bool) -> Self {
+    pub fn from_motion(path: &Path, mut motion: RecordedMotion, allow_jump: bool) -> Self {
         motion.inputs.iter_mut().for_each(|input| input.allow_jump = allow_jump);
         let inputs = WindowInputs { motions: motion.inputs.clone(), loads: Vec::new() };
         Self { path: path.into(), script: Script::Motion { motion, inputs }, is_new: true }
@@ -72,16 +72,16 @@ impl RecordingDriver {
     /// Returns the end of the recording as its summary states it, ns; for the display of progress.
     pub fn stated_end_ns(&self) -> Option<u64> {
         match &self.script {
-            Script::Windows { windows, .. } => windows.told_end_ns(),
+            Script::Windows { windows, .. } => windows.end_time_hint_ns(),
             Script::Motion { motion, .. } => Some(motion.end_ns),
         }
     }
 
     /// Returns why the recording ends early, if it does.
-    pub fn lost(&self) -> Option<&Lost> {
+    pub fn lost(&self) -> Option<&Truncation> {
         match &self.script {
-            Script::Windows { windows, .. } => windows.lost(),
-            Script::Motion { motion, .. } => motion.lost.as_ref(),
+            Script::Windows { windows, .. } => windows.truncation(),
+            Script::Motion { motion, .. } => motion.truncation.as_ref(),
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::case::Case;
 use ballast::component::{Component, WindowInputsRef, WindowResult};
 use ballast_hdf5::checkpoint;
-use ballast_mcap::{Drive, Meta, Result, WindowRecorder};
+use ballast_mcap::{Drive, RecordingMetadata, Result, WindowRecorder};
 use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::AdvanceReply;
 use std::collections::BTreeMap;
@@ -24,7 +24,8 @@ impl RunRecorder {
     pub fn create(path: &Path, case: &Case, component: &Component, drive: Drive) -> Result<Self> {
         let (model, state) = (component.model(), component.state());
         let hash = ballast_hdf5::state_hash(model, state).into();
-        let meta = Meta::of(case.identity(), case.overrides.to_notes(), model, drive, hash);
+        let meta =
+            RecordingMetadata::of(case.identity(), case.overrides.to_notes(), model, drive, hash);
         let start = || checkpoint::to_bytes(path, &case.checkpoint(model, state, BTreeMap::new()));
         let windows = WindowRecorder::begin(path, &case.plan, &meta, model, state, start)?;
         Ok(Self { windows, begin_ns: state.time_ns })

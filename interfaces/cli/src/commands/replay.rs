@@ -10,8 +10,8 @@ use crate::{beds, body_overlap, interrupt, recording_start};
 use ballast::component::TampingDriver;
 use ballast::model::Model;
 use ballast::state::State;
-use ballast_mcap::motion::{self, Motion, TimeOf};
-use ballast_mcap::recording::{self, Windows};
+use ballast_mcap::motion::{self, RecordedMotion, TimeSource};
+use ballast_mcap::recording::{self, WindowReader};
 use ballast_session::driver::{RunDriver, tamping_driver};
 use ballast_session::recording_driver::RecordingDriver;
 use ballast_session::run_files::RunFiles;
@@ -22,8 +22,8 @@ pub fn replay(args: ReplayArgs, console: Console) -> Result {
     interrupt::install()?;
     expect_different(&[("the recording", Some(&args.file)), ("--record", args.record.as_deref())])?;
     // Before the bed is prepared, so that a wrong file is reported at once.
-    let is_ours = recording::is_ours(&args.file)?;
-    let ours = is_ours.then(|| Windows::open(&args.file)).transpose()?;
+    let is_ours = recording::is_recording(&args.file)?;
+    let ours = is_ours.then(|| WindowReader::open(&args.file)).transpose()?;
     let (windows, posed) = if args.map.is_empty() { (ours, None) } else { (None, ours) };
     if windows.is_some() && (args.allow_jump || args.time.is_some()) {
         let text = format!(
@@ -82,8 +82,8 @@ pub fn replay(args: ReplayArgs, console: Console) -> Result {
 
 /// Source of the motions.
 enum ReplaySource {
-    Windows(Box<Windows>),
-    Poses(Motion),
+    Windows(Box<WindowReader>),
+    Poses(RecordedMotion),
 }
 
 /// Creates the session, and checks that the recording covers the first step if one is requested.
@@ -103,7 +103,7 @@ fn replay_session(
     Ok(run)
 }
 
-fn own(windows: Windows, model: &Model, state: &State, console: Console) -> RecordingDriver {
+fn own(windows: WindowReader, model: &Model, state: &State, console: Console) -> RecordingDriver {
     let found = format!("{:032x}", ballast_hdf5::state_hash(model, state));
     if windows.meta().initial_hash.to_string() != found {
         console.note(
@@ -115,17 +115,17 @@ fn own(windows: Windows, model: &Model, state: &State, console: Console) -> Reco
 }
 
 /// Checks the start of a recording of windows on the scene without grains, so that a refusal costs no bed.
-fn check_windows(args: &ReplayArgs, case: &Case, windows: &Windows) -> Result {
+fn check_windows(args: &ReplayArgs, case: &Case, windows: &WindowReader) -> Result {
     let (model, state) = ballast_beds::empty_scene(&case.plan)?;
     if windows.start().is_some() {
         return recording_start::check_case(windows, case, &model);
     }
     // Only the prepared bed shows whether damage has cut off the start.
-    if windows.lost().is_some() {
+    if windows.truncation().is_some() {
         return Ok(());
     }
     let cycle = tamping_driver(case, &model, &state)?;
-    let recording = RecordingDriver::from_windows(Windows::open(&args.file)?);
+    let recording = RecordingDriver::from_windows(WindowReader::open(&args.file)?);
     replay_session(args, case, (model, state), cycle, recording).map(drop)
 }
 
@@ -151,15 +151,20 @@ fn warn_of_mounts(args: &ReplayArgs, model: &Model, console: Console) {
 }
 
 /// Reads the motions of a recording of poses; reports errors that do not depend on the bed before its preparation.
-fn poses(args: &ReplayArgs, case: &Case, of_ours: bool, console: Console) -> Result<Motion> {
+fn poses(
+    args: &ReplayArgs,
+    case: &Case,
+    of_ours: bool,
+    console: Console,
+) -> Result<RecordedMotion> {
     let (model, state) = ballast_beds::empty_scene(&case.plan)?;
     if of_ours {
         warn_of_mounts(args, &model, console);
     }
     let bodies: Vec<String> = model.driven.iter().map(|d| d.name.clone()).collect();
     let time = match args.time {
-        None | Some(TimeName::Stamp) => TimeOf::Stamp,
-        Some(TimeName::Log) => TimeOf::Log,
+        None | Some(TimeName::Stamp) => TimeSource::Stamp,
+        Some(TimeName::Log) => TimeSource::Log,
     };
     let motion = motion::read(&args.file, &bodies, &args.map, time, state.time_ns)?;
     for note in &motion.notes {

@@ -7,16 +7,16 @@ use crate::progress::{Mark, Progress};
 use crate::{beds, interrupt, recording_start};
 use ballast::model::Schedule;
 use ballast::track;
-use ballast_mcap::Meta;
-use ballast_mcap::recording::Windows;
-use ballast_mcap::verify::{Difference, Verdict};
+use ballast_mcap::RecordingMetadata;
+use ballast_mcap::recording::WindowReader;
+use ballast_mcap::verify::{Difference, VerificationResult};
 use ballast_session::{Failure, Result};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
 pub fn verify(args: VerifyArgs, console: Console) -> Result {
     interrupt::install()?;
-    let mut windows = Windows::open(&args.file)?;
+    let mut windows = WindowReader::open(&args.file)?;
     let meta = windows.meta().clone();
     if meta.schedule == Schedule::Asynchronous.name() {
         let what = "expected the sequential or the synchronous schedule, found the asynchronous one, whose order of operations \
@@ -29,7 +29,7 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
     let mut component = case::component(&case, Arc::new(model), state)?;
     let mut progress = Progress::start(console, "verify");
     let begin_ns = component.now_ns();
-    let end_ns = windows.told_end_ns().unwrap_or(case.plan.run.duration_ns);
+    let end_ns = windows.end_time_hint_ns().unwrap_or(case.plan.run.duration_ns);
     let whole = end_ns.saturating_sub(begin_ns).max(1) as f64;
     let mut watch = |now_ns: u64| {
         progress.advance(
@@ -49,8 +49,8 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
     progress.finish();
     let file = args.file.display();
     match verdict {
-        Verdict::Same { windows: count } => {
-            match windows.lost() {
+        VerificationResult::Identical { windows: count } => {
+            match windows.truncation() {
                 Some(lost) if !lost.is_cut => {
                     let text =
                         format!("{file}: {count} windows are equal, the rest is damaged: {lost}");
@@ -65,23 +65,23 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
                 )));
             }
             let now = component.state().time();
-            let lost = windows.lost().map(|lost| lost.reason.clone());
+            let lost = windows.truncation().map(|lost| lost.reason.clone());
             console.event("verified", json!({ "windows": count, "time_s": now, "lost": lost }));
             console.result(&format!("{file}: {count} windows up to {now:.4} s, all equal"));
             Ok(())
         }
-        Verdict::Different(difference) => Err(Failure::Mismatch(format!(
+        VerificationResult::Different(difference) => Err(Failure::Mismatch(format!(
             "{file}: {difference}{}",
             hint(&difference, &meta, &case)
         ))),
-        Verdict::Stopped { windows: count } => {
+        VerificationResult::Stopped { windows: count } => {
             Err(Failure::Interrupted(format!("stopped after {count} equal windows")))
         }
     }
 }
 
 /// Returns possible reasons of a difference.
-fn hint(difference: &Difference, meta: &Meta, case: &Case) -> String {
+fn hint(difference: &Difference, meta: &RecordingMetadata, case: &Case) -> String {
     let pairs = [
         ("case", meta.case_name.clone(), case.plan.name.clone()),
         ("bed", meta.case_key.clone(), case.bed_key()),

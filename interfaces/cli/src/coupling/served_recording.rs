@@ -8,7 +8,7 @@
 use super::served_checkpoint;
 use crate::case::Case;
 use crate::exit::Outcome;
-use ballast_mcap::{Drive, Meta, WindowRecorder};
+use ballast_mcap::{Drive, RecordingMetadata, WindowRecorder};
 use ballast_protocol::lockstep::{Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use std::path::{Path, PathBuf};
@@ -104,7 +104,13 @@ fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
 fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<WindowRecorder> {
     let (model, state) = (lockstep.component().model(), lockstep.component().state());
     let hash = ballast_hdf5::state_hash(model, state).into();
-    let meta = Meta::of(case.identity(), case.overrides.to_notes(), model, Drive::Inputs, hash);
+    let meta = RecordingMetadata::of(
+        case.identity(),
+        case.overrides.to_notes(),
+        model,
+        Drive::Inputs,
+        hash,
+    );
     let checkpoint = || served_checkpoint::bytes(path, case, lockstep);
     Ok(WindowRecorder::begin(path, &case.plan, &meta, model, state, checkpoint)?)
 }

@@ -2,13 +2,13 @@
 
 use crate::serve::{Serving, attach, endpoint};
 use crate::setup::Place;
-use ballast_mcap::recording::Windows;
+use ballast_mcap::recording::WindowReader;
 
 #[test]
 fn a_partner_that_sends_the_motion_of_a_run_ends_with_its_hash() {
     let place = Place::new();
     place.run("--out run --record run.mcap").with_code(0);
-    let mut windows = Windows::open(&place.path("run.mcap")).unwrap();
+    let mut windows = WindowReader::open(&place.path("run.mcap")).unwrap();
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out served");
     let mut client = attach(&endpoint, None).unwrap();

@@ -1,8 +1,8 @@
 //! Recordings: made, replayed to the same state, verified, damaged.
 
 use crate::setup::{CASE, Ended, Place};
-use ballast_mcap::messages::Messages;
-use ballast_mcap::{Entry, Writer};
+use ballast_mcap::messages::MessageReader;
+use ballast_mcap::{McapWriter, TopicMessage};
 use ballast_protocol::messages::{
     AdvanceReply, Header, PoseStamped, SceneUpdate, SqueezeReport, WindowRecord,
 };
@@ -30,7 +30,7 @@ fn verify(place: &Place, file: &str) -> Ended {
 
 /// Topics and times of a recording, and the records of its windows.
 fn contents(place: &Place, file: &str) -> (Vec<(String, u64)>, Vec<WindowRecord>) {
-    let mut messages = Messages::open(&place.path(file)).unwrap();
+    let mut messages = MessageReader::open(&place.path(file)).unwrap();
     let (mut all, mut records) = (Vec::new(), Vec::new());
     while let Some(message) = messages.next().unwrap() {
         if message.channel.topic == "/ballast/step" {
@@ -38,7 +38,7 @@ fn contents(place: &Place, file: &str) -> (Vec<(String, u64)>, Vec<WindowRecord>
         }
         all.push((message.channel.topic.clone(), message.log_time));
     }
-    assert_eq!(messages.lost(), None);
+    assert_eq!(messages.truncation(), None);
     (all, records)
 }
 
@@ -86,7 +86,7 @@ fn squeezes_are_recorded_and_verified() {
     let place = Place::new();
     // On the case's own bed the tines jam.
     place.run("--out run --record run.mcap --seed 12").with_code(0);
-    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let mut messages = MessageReader::open(&place.path("run.mcap")).unwrap();
     let mut squeezes: Vec<SqueezeReport> = vec![];
     while let Some(message) = messages.next().unwrap() {
         if message.channel.topic == "/ballast/squeeze/pair_0" {
@@ -94,7 +94,7 @@ fn squeezes_are_recorded_and_verified() {
         }
     }
     // Forces are arrows in the pictures of the squeeze.
-    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let mut messages = MessageReader::open(&place.path("run.mcap")).unwrap();
     let mut arrows = 0;
     while let Some(message) = messages.next().unwrap() {
         if message.channel.topic == "/scene" {
@@ -332,12 +332,12 @@ fn the_choices_of_the_command_line_are_part_of_a_recording() {
 
 /// Poses of a body that rises by equal distances for a number of steps, at 1 kHz.
 fn rising(place: &Place, from: PoseStamped, steps: u64, by: f64) {
-    let mut writer = Writer::create(&place.path("rising.mcap"), None).unwrap();
+    let mut writer = McapWriter::create(&place.path("rising.mcap"), None).unwrap();
     for i in 0..=steps {
         let (time, mut pose) = (i * 1_000_000, from.clone());
         pose.header = Header::world(time);
         pose.pose.position.z += by * i as f64;
-        writer.write(&Entry::of("/machine/arm", time, &pose).unwrap()).unwrap();
+        writer.write(&TopicMessage::of("/machine/arm", time, &pose).unwrap()).unwrap();
     }
     writer.finish().unwrap();
 }
@@ -345,7 +345,7 @@ fn rising(place: &Place, from: PoseStamped, steps: u64, by: f64) {
 #[test]
 fn poses_of_any_file_move_a_body() {
     let place = recorded();
-    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let mut messages = MessageReader::open(&place.path("run.mcap")).unwrap();
     let first = loop {
         let message = messages.next().unwrap().unwrap();
         let topic = &message.channel.topic;
@@ -502,7 +502,7 @@ fn bad_files_end_with_their_codes() {
     assert!(said.contains("folder.mcap"), "{said}");
 
     let mut bytes = std::fs::read(place.path("run.mcap")).unwrap();
-    let key = b"\x06\0\0\0format\x01\0\0\x003";
+    let key = b"\x06\0\0\0format\x01\0\0\x004";
     let at = bytes.windows(key.len()).position(|w| w == key).unwrap() + key.len() - 1;
     bytes[at] = b'9';
     std::fs::write(place.path("run.mcap"), bytes).unwrap();
@@ -514,7 +514,7 @@ fn the_reply_of_a_window_can_be_put_together_from_its_messages() {
     let place = recorded();
     let (_, records) = contents(&place, "run.mcap");
     let record = &records[9];
-    let mut messages = Messages::open(&place.path("run.mcap")).unwrap();
+    let mut messages = MessageReader::open(&place.path("run.mcap")).unwrap();
     let mut reply = AdvanceReply {
         seq: record.seq,
         t0_ns: record.t0_ns,

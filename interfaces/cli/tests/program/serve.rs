@@ -1,8 +1,8 @@
 //! The program as a component: driven by another process, interrupted, killed, taken up again.
 
 use crate::setup::{CASE, Ended, Place};
-use ballast_mcap::messages::Messages;
-use ballast_mcap::recording::Windows;
+use ballast_mcap::messages::MessageReader;
+use ballast_mcap::recording::WindowReader;
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::{
     ComponentState, ErrorCode, InitRequest, ParameterUpdate, WindowKind,
@@ -180,7 +180,7 @@ fn what_two_processes_compute_is_what_one_computes_and_its_recording_verifies() 
     assert_eq!(hash, undisturbed(40));
     // A tenth of the pictures of points are beside one of polyhedra; the case wants one in 10 ms.
     let mut pictures = std::collections::BTreeMap::<String, Vec<u64>>::new();
-    let mut messages = Messages::open(&place.path("s.mcap")).unwrap();
+    let mut messages = MessageReader::open(&place.path("s.mcap")).unwrap();
     while let Some(message) = messages.next().unwrap() {
         pictures.entry(message.channel.topic.clone()).or_default().push(message.log_time);
     }
@@ -287,7 +287,7 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     assert_eq!(&place.hash("r"), hash);
     let verified = place.with_beds("verify again.mcap").with_code(0).stdout();
     assert!(verified.contains("all equal"), "{verified}");
-    let start = Windows::open(&place.path("again.mcap")).unwrap();
+    let start = WindowReader::open(&place.path("again.mcap")).unwrap();
     let start = ballast_hdf5::checkpoint::from_bytes(start.start().unwrap()).unwrap();
     assert_eq!(start.extra["schedule"], "sequential", "as it was chosen");
     // Where the start is damaged there is nothing to compare with.

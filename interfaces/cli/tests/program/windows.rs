@@ -4,9 +4,9 @@ use ballast::component::{Component, Limits, WindowInputsRef};
 use ballast::model::Solver;
 use ballast::state::State;
 use ballast::track::plan::Plan;
-use ballast_mcap::recording::Windows;
-use ballast_mcap::verify::{Verdict, verify};
-use ballast_mcap::{Drive, Meta, WindowRecorder};
+use ballast_mcap::recording::WindowReader;
+use ballast_mcap::verify::{VerificationResult, verify};
+use ballast_mcap::{Drive, RecordingMetadata, WindowRecorder};
 use ballast_protocol::lockstep::{WindowKind, empty_model};
 use ballast_protocol::messages::{AdvanceReply, StateHash};
 use std::collections::BTreeMap;
@@ -33,7 +33,7 @@ fn hash(state: &State) -> StateHash {
 fn begin(path: &Path, component: &Component) -> ballast_mcap::Result<WindowRecorder> {
     let (model, state) = (component.model(), component.state());
     let names = ["world", "key", ""].map(String::from);
-    let meta = Meta::of(names, BTreeMap::new(), model, Drive::Inputs, hash(state));
+    let meta = RecordingMetadata::of(names, BTreeMap::new(), model, Drive::Inputs, hash(state));
     WindowRecorder::begin(path, &plan(), &meta, model, state, || Err("no checkpoint here"))
 }
 
@@ -48,8 +48,8 @@ fn window(recording: &mut WindowRecorder, component: &mut Component, steps: u64)
 }
 
 /// Verifies up to a time, ns.
-fn verified(path: &Path, stop_ns: u64) -> Verdict {
-    let mut windows = Windows::open(path).unwrap();
+fn verified(path: &Path, stop_ns: u64) -> VerificationResult {
+    let mut windows = WindowReader::open(path).unwrap();
     let mut watch =
         |now| if now >= stop_ns { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
     verify(&mut windows, &mut world(), &[], ballast_hdf5::state_hash, &mut watch).unwrap()
@@ -64,10 +64,10 @@ fn a_recording_that_is_let_go_has_its_last_window_and_is_stopped_within_it() {
     window(&mut recording, &mut component, 10);
     window(&mut recording, &mut component, 100);
     drop(recording);
-    assert_eq!(verified(&path, u64::MAX), Verdict::Same { windows: 2 });
-    assert_eq!(verified(&path, 10), Verdict::Stopped { windows: 1 });
-    assert_eq!(verified(&path, 60), Verdict::Stopped { windows: 1 });
-    assert_eq!(verified(&path, 110), Verdict::Stopped { windows: 2 });
+    assert_eq!(verified(&path, u64::MAX), VerificationResult::Identical { windows: 2 });
+    assert_eq!(verified(&path, 10), VerificationResult::Stopped { windows: 1 });
+    assert_eq!(verified(&path, 60), VerificationResult::Stopped { windows: 1 });
+    assert_eq!(verified(&path, 110), VerificationResult::Stopped { windows: 2 });
 }
 
 #[test]

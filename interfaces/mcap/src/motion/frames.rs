@@ -1,37 +1,37 @@
-//! Which frames poses are told in.
+//! Frames of poses and twists.
 //!
-//! Contract: transforms are not put together. Poses in a frame that the file itself places would be those of bodies that
-//! do not move with it, so they are refused; a frame of which nothing else is known is taken for the bed's, and named.
+//! Contract: transforms are not composed. Poses in a frame that the file places in another one are refused; an unknown
+//! frame is treated as that of the bed, with a note.
 
-use super::knots::Track;
+use super::track::PoseTrack;
 use crate::error::{Error, Result};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// A frame without the slash that older programs begin it with.
+/// Returns a frame without the leading slash of older programs.
 fn plain(frame: &str) -> &str {
     frame.trim_start_matches('/')
 }
 
-/// Whether a frame is called as the one that all others stand in.
-fn is_of_the_bed(frame: &str) -> bool {
+/// True for the names of the bed's frame.
+fn is_bed_frame(frame: &str) -> bool {
     matches!(plain(frame), "" | "world" | "map")
 }
 
 /// Refuses poses in a frame that is placed in another one; `placed` has the frames that transforms lead to, each as
 /// `TOPIC:FRAME`.
-pub(super) fn expect_still(
+pub(super) fn check_fixed(
     path: &Path,
-    tracks: &BTreeMap<String, Track>,
+    tracks: &BTreeMap<String, PoseTrack>,
     placed: &BTreeSet<String>,
 ) -> Result<()> {
     let placed: BTreeMap<&str, &str> =
         placed.iter().filter_map(|f| f.split_once(':')).map(|(t, f)| (plain(f), t)).collect();
     for (body, track) in tracks {
-        for frame in track.pose_frames.iter().filter(|frame| !is_of_the_bed(frame)) {
+        for frame in track.pose_frames.iter().filter(|frame| !is_bed_frame(frame)) {
             let Some(topic) = placed.get(plain(frame)) else { continue };
-            let expected = "some in the frame of the bed, since transforms are not put together (docs/src/guide/recordings.md \
-                            tells how to bring them there)";
+            let expected = "some in the frame of the bed, because transforms are not composed (docs/src/guide/recordings.md \
+                            explains the conversion)";
             let found = format!("some in the frame {frame:?}, which {topic} places in another one");
             return Err(Error::unsuitable(path, format!("poses of {body:?}"), expected, found));
         }
@@ -39,17 +39,17 @@ pub(super) fn expect_still(
     Ok(())
 }
 
-/// Frames that may be others than the bed's.
-pub(super) fn notes(tracks: &BTreeMap<String, Track>) -> Vec<String> {
-    let mut told: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
+/// Returns notes about frames that may differ from the bed's.
+pub(super) fn notes(tracks: &BTreeMap<String, PoseTrack>) -> Vec<String> {
+    let mut bodies_by_frame: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
     for (body, track) in tracks {
-        for frame in track.pose_frames.iter().filter(|frame| !is_of_the_bed(frame)) {
-            told.entry(("poses", frame)).or_default().push(body);
+        for frame in track.pose_frames.iter().filter(|frame| !is_bed_frame(frame)) {
+            bodies_by_frame.entry(("poses", frame)).or_default().push(body);
         }
-        // Of one frame with the poses, they need no word of their own.
+        // Twists in the frame of the poses need no separate note.
         let others = track.twist_frames.difference(&track.pose_frames);
-        for frame in others.filter(|frame| !is_of_the_bed(frame)) {
-            told.entry(("twists", frame)).or_default().push(body);
+        for frame in others.filter(|frame| !is_bed_frame(frame)) {
+            bodies_by_frame.entry(("twists", frame)).or_default().push(body);
         }
     }
     let note = |((what, frame), bodies): ((&str, &str), Vec<&str>)| {
@@ -58,5 +58,5 @@ pub(super) fn notes(tracks: &BTreeMap<String, Track>) -> Vec<String> {
             bodies.join(", ")
         )
     };
-    told.into_iter().map(note).collect()
+    bodies_by_frame.into_iter().map(note).collect()
 }

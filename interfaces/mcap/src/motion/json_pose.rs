@@ -1,22 +1,23 @@
-//! Poses as JSON, in the forms that they are met in.
+//! Poses in JSON, in their usual forms.
 
 use ballast_protocol::MessageError;
 use ballast_protocol::messages::{Point, Pose, Quaternion, Twist, Vector3};
 use serde_json::Value;
 
-/// What a message says.
+/// Pose, twist, time and frame of a JSON message.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct JsonPose {
     pub pose: Pose,
     pub twist: Option<Twist>,
-    /// `None`: the message has no time of its own.
+    /// Time of the pose, ns; `None` if the message has none.
     pub stamp_ns: Option<i64>,
-    /// Empty: it names none.
+    /// Name of the frame; empty if the message has none.
     pub frame: String,
 }
 
-/// Reads `{pose: {position: {x, y, z}, orientation: {x, y, z, w}}}` or what is inside `pose` alone; beside
-/// it, if wanted, `twist: {linear, angular}`, and the time as `time_ns`, `header.stamp` or `timestamp`
+/// Parses `{pose: {position: {x, y, z}, orientation: {x, y, z, w}}}`, or the content of `pose` alone.
+///
+/// Optional keys are `twist: {linear, angular}`, the time as `time_ns`, `header.stamp` or `timestamp`
 /// (`sec` and `nanosec` or `nsec`), and the frame as `header.frame_id` or `frame_id`.
 pub(super) fn read(text: &[u8]) -> Result<JsonPose, MessageError> {
     let value: Value =

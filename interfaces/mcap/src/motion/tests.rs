@@ -1,11 +1,11 @@
 //! The rules by which poses in files become motions.
 
 use super::*;
-use crate::messages::Channel;
-use crate::{Entry, Writer};
+use crate::messages::ChannelInfo;
+use crate::{McapWriter, TopicMessage};
 use ballast::component::Interpolation;
 use ballast_protocol::messages::{
-    Clock, Header, Point, Pose, Quaternion, Time, Transform, TransformStamped, Vector3,
+    Clock, Header, Point, Pose, Quaternion, Time, Transform, TransformStamped, Twist, Vector3,
 };
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -17,9 +17,9 @@ impl Place {
         Self(tempfile::tempdir().unwrap())
     }
 
-    fn file(&self, entries: &[Entry]) -> PathBuf {
+    fn file(&self, entries: &[TopicMessage]) -> PathBuf {
         let path = self.0.path().join("a.mcap");
-        let mut writer = Writer::create(&path, None).unwrap();
+        let mut writer = McapWriter::create(&path, None).unwrap();
         entries.iter().for_each(|entry| writer.write(entry).unwrap());
         writer.finish().unwrap();
         path
@@ -35,40 +35,40 @@ fn at(x: f64) -> Pose {
 }
 
 /// Recorded `delay` ns after its stamp.
-fn pose(topic: &str, time_ns: u64, x: f64, delay: u64) -> Entry {
+fn pose(topic: &str, time_ns: u64, x: f64, delay: u64) -> TopicMessage {
     let message = PoseStamped { header: Header::world(time_ns), pose: at(x) };
-    Entry::of(topic, time_ns + delay, &message).unwrap()
+    TopicMessage::of(topic, time_ns + delay, &message).unwrap()
 }
 
-fn twist(topic: &str, time_ns: u64, speed: f64) -> Entry {
+fn twist(topic: &str, time_ns: u64, speed: f64) -> TopicMessage {
     let linear = Vector3 { x: speed, ..Vector3::default() };
     let twist = Twist { linear, ..Twist::default() };
     let message = TwistStamped { header: Header::world(time_ns), twist };
-    Entry::of(topic, time_ns, &message).unwrap()
+    TopicMessage::of(topic, time_ns, &message).unwrap()
 }
 
-fn transform(time_ns: u64, frame: &str, x: f64) -> Entry {
+fn transform(time_ns: u64, frame: &str, x: f64) -> TopicMessage {
     transform_in("world", "/tf", time_ns, frame, x)
 }
 
-fn transform_in(parent: &str, topic: &str, time_ns: u64, frame: &str, x: f64) -> Entry {
+fn transform_in(parent: &str, topic: &str, time_ns: u64, frame: &str, x: f64) -> TopicMessage {
     let translation = Vector3 { x, y: 0.0, z: 0.5 };
     let transform = TransformStamped {
         header: Header { frame_id: parent.into(), ..Header::world(time_ns) },
         child_frame_id: frame.into(),
         transform: Transform { translation, rotation: Quaternion::default() },
     };
-    Entry::of(topic, time_ns, &TFMessage { transforms: vec![transform] }).unwrap()
+    TopicMessage::of(topic, time_ns, &TFMessage { transforms: vec![transform] }).unwrap()
 }
 
-fn pose_in(frame: &str, topic: &str, time_ns: u64, x: f64) -> Entry {
+fn pose_in(frame: &str, topic: &str, time_ns: u64, x: f64) -> TopicMessage {
     let header = Header { frame_id: frame.into(), ..Header::world(time_ns) };
-    Entry::of(topic, time_ns, &PoseStamped { header, pose: at(x) }).unwrap()
+    TopicMessage::of(topic, time_ns, &PoseStamped { header, pose: at(x) }).unwrap()
 }
 
-fn read_all(path: &Path, maps: &[&str]) -> Result<Motion> {
-    let maps: Vec<Map> = maps.iter().map(|m| m.parse().unwrap()).collect();
-    read(path, &bodies(), &maps, TimeOf::Stamp, 0)
+fn read_all(path: &Path, maps: &[&str]) -> Result<RecordedMotion> {
+    let maps: Vec<TopicMap> = maps.iter().map(|m| m.parse().unwrap()).collect();
+    read(path, &bodies(), &maps, TimeSource::Stamp, 0)
 }
 
 fn times(input: &MotionInput) -> Vec<u64> {
@@ -82,12 +82,12 @@ fn a_knot_per_message_linear_without_twists() {
     let path =
         place.file(&[pose(topic, 0, 0.0, 5), pose(topic, 10, 1.0, 0), pose(topic, 30, 2.0, 5)]);
     let motion = read_all(&path, &[]).unwrap();
-    assert_eq!((motion.start_ns, motion.end_ns, &motion.lost), (0, 30, &None));
+    assert_eq!((motion.start_ns, motion.end_ns, &motion.truncation), (0, 30, &None));
     let [input] = &motion.inputs[..] else { panic!("{motion:?}") };
     assert_eq!((&input.body[..], times(input)), ("tine-1", vec![0, 10, 30]));
     assert_eq!(input.waveform.interpolation, Interpolation::Linear);
     assert_eq!(input.waveform.pose(20).position.x, 1.5);
-    let log = read(&path, &bodies(), &[], TimeOf::Log, 0).unwrap();
+    let log = read(&path, &bodies(), &[], TimeSource::Log, 0).unwrap();
     assert_eq!(times(&log.inputs[0]), [0, 5, 30], "from 5, 10 and 35 ns");
 }
 
@@ -106,8 +106,8 @@ fn twists_of_the_same_times_make_it_cubic() {
     assert_eq!(motion.inputs[0].waveform.interpolation, Interpolation::Linear);
     assert_eq!(motion.inputs[0].waveform.knots[0].velocity.x, 0.0);
     assert!(motion.notes[0].contains("some poses have no twist"), "{:?}", motion.notes);
-    // A topic of twists by another name is mapped by itself.
-    let twists = twists.map(|e| Entry { topic: "/speed".into(), ..e });
+    // A topic of twists by another name needs a map.
+    let twists = twists.map(|e| TopicMessage { topic: "/speed".into(), ..e });
     let path = place.file(&[poses, twists].concat());
     let motion = read_all(&path, &["/m/pose=sleeper", "/speed=sleeper"]).unwrap();
     assert_eq!(motion.inputs[0].waveform.interpolation, Interpolation::Hermite);
@@ -120,7 +120,7 @@ fn nothing_is_extrapolated_and_the_common_stretch_begins_the_run() {
     let early = [100, 200, 300].map(|t| pose(a, t, t as f64, 0));
     let late = [150, 250, 350].map(|t| pose(b, t, t as f64, 0));
     let path = place.file(&[early, late].concat());
-    let motion = read(&path, &bodies(), &[], TimeOf::Stamp, 1000).unwrap();
+    let motion = read(&path, &bodies(), &[], TimeSource::Stamp, 1000).unwrap();
     assert_eq!((motion.start_ns, motion.end_ns), (1000, 1150), "150 to 300 ns of the file");
     let by_name = |name: &str| motion.inputs.iter().find(|i| i.body == name).unwrap();
     assert_eq!(times(by_name("tine-1")), [1000, 1050, 1150]);
@@ -136,30 +136,30 @@ fn nothing_is_extrapolated_and_the_common_stretch_begins_the_run() {
 fn what_a_motion_leaves_out_or_bridges_is_told() {
     let place = Place::new();
     let (a, b) = ("/tine_1/pose", "/sleeper/pose");
-    let body = |topic: &str, times: &[u64]| -> Vec<Entry> {
+    let body = |topic: &str, times: &[u64]| -> Vec<TopicMessage> {
         times.iter().map(|t| pose(topic, *t, 0.0, 0)).collect()
     };
-    let notes = |entries: [Vec<Entry>; 2]| {
+    let notes = |entries: [Vec<TopicMessage>; 2]| {
         let notes = read_all(&place.file(&entries.concat()), &[]).unwrap().notes;
         notes[2..].to_vec()
     };
     let whole: Vec<u64> = (0..=50).map(|k| k * 1_000_000).collect();
     assert_eq!(notes([body(a, &whole), body(b, &whole[1..50])]), [""; 0]);
-    let told = notes([body(a, &whole), body(b, &whole[5..11])]);
+    let notes_found = notes([body(a, &whole), body(b, &whole[5..11])]);
     let says = |edge: &str| format!("{edge}, there is no pose of sleeper");
     assert!(
-        told[0].contains("at 0.005 s of the file, not at 0 s")
-            && told[0].ends_with(&says("before"))
+        notes_found[0].contains("at 0.005 s of the file, not at 0 s")
+            && notes_found[0].ends_with(&says("before"))
     );
     assert!(
-        told[1].contains("at 0.01 s of the file, not at 0.05 s")
-            && told[1].ends_with(&says("after"))
+        notes_found[1].contains("at 0.01 s of the file, not at 0.05 s")
+            && notes_found[1].ends_with(&says("after"))
     );
     let torn = [&whole[..20], &whole[40..]].concat();
-    let told = notes([body(a, &torn), body(b, &whole)]);
+    let notes_found = notes([body(a, &torn), body(b, &whole)]);
     assert!(
-        told.len() == 1 && told[0].contains("tine-1: no pose from 0.019 to 0.04 s"),
-        "{told:?}"
+        notes_found.len() == 1 && notes_found[0].contains("tine-1: no pose from 0.019 to 0.04 s"),
+        "{notes_found:?}"
     );
     // Outside of what is replayed nothing is missing.
     assert_eq!(notes([body(a, &torn), body(b, &whole[..15])]).len(), 1);
@@ -171,7 +171,7 @@ fn twists_that_do_not_lead_from_pose_to_pose_are_warned_of() {
     // A vibration of 35 Hz, sampled at 100 Hz.
     let (turn, amplitude) = (std::f64::consts::TAU * 35.0, 3e-3);
     let warned = |scale: f64, amplitude: f64| {
-        let entries: Vec<Entry> = (0..60)
+        let entries: Vec<TopicMessage> = (0..60)
             .flat_map(|k| {
                 let (time, angle) = (k * 10_000_000, turn * 0.01 * k as f64);
                 let speed = scale * amplitude * turn * angle.cos();
@@ -198,7 +198,7 @@ fn transforms_move_the_bodies_of_their_frames() {
     assert_eq!(motion.inputs[0].waveform.knots[1].pose.position.x, 1.0);
     let motion = read_all(&place.file(&tf), &["/tf:arm=sleeper"]).unwrap();
     assert_eq!((motion.inputs.len(), &motion.inputs[0].body[..]), (1, "sleeper"));
-    // A topic of its own counts before transforms.
+    // The topic of a body takes precedence over transforms.
     let both = [tf[0].clone(), pose("/tine_1/pose", 0, 7.0, 0)];
     let motion = read_all(&place.file(&both), &[]).unwrap();
     assert_eq!(motion.inputs[0].waveform.knots[0].pose.position.x, 7.0);
@@ -214,7 +214,7 @@ fn poses_in_a_frame_that_the_file_places_are_refused() {
         let error = read_all(&place.file(&tree), &[]).unwrap_err().to_string();
         assert!(error.contains("poses of \"tine-1\": expected"), "{error}");
         assert!(error.contains(&format!("\"/unit\", which {topic} places")), "{error}");
-        // A topic of its own counts before transforms.
+        // The topic of a body takes precedence over transforms.
         let own = [tree.clone(), vec![pose("/tine_1/pose", 0, 0.0, 0)]].concat();
         read_all(&place.file(&own), &[]).unwrap();
         let poses = [unit.to_vec(), vec![pose_in("unit", "/tine_1/pose", 0, 0.0)]].concat();
@@ -279,7 +279,7 @@ fn messages_out_of_order_are_sorted_and_two_poses_at_a_time_refused() {
     // A second and more beside the seconds.
     let mut message = PoseStamped { header: Header::world(7), pose: at(0.0) };
     message.header.stamp.nanosec = 1_000_000_000;
-    let odd = Entry::of(topic, 7, &message).unwrap();
+    let odd = TopicMessage::of(topic, 7, &message).unwrap();
     let error = read_all(&place.file(&[pose(topic, 0, 0.0, 0), odd]), &[]).unwrap_err().to_string();
     assert!(error.contains("header.stamp.nanosec") && error.contains("1000000000"), "{error}");
 }
@@ -289,27 +289,28 @@ fn what_a_motion_keeps_is_limited_and_what_says_nothing_is_not_kept() {
     let assignment = Assignment::new(Path::new("a.mcap"), &bodies(), &[]).unwrap();
     let channel = |topic: &str, kind: &str| {
         let (topic, schema) = (topic.into(), format!("geometry_msgs/msg/{kind}"));
-        Arc::new(Channel { topic, encoding: "cdr".into(), schema })
+        Arc::new(ChannelInfo { topic, encoding: "cdr".into(), schema })
     };
-    let message = |topic: &str, kind: &str, entry: Entry| {
+    let message = |topic: &str, kind: &str, entry: TopicMessage| {
         let channel = channel(topic, kind);
-        Message { channel, log_time: entry.time_ns, data: entry.bytes }
+        McapMessage { channel, log_time: entry.time_ns, data: entry.bytes }
     };
     let a_pose = |time| message("/tine_1/pose", "PoseStamped", pose("", time, 0.0, 0));
     let a_twist = |time| message("/tine_1/twist", "TwistStamped", twist("", time, 0.0));
-    let take = |found: &mut Found, message| found.take(&assignment, &message, TimeOf::Stamp);
-    let mut found = Found::default();
+    let take =
+        |found: &mut PoseCollector, message| found.take(&assignment, &message, TimeSource::Stamp);
+    let mut found = PoseCollector::default();
     for message in [a_pose(0), a_twist(0)] {
         take(&mut found, message).unwrap();
     }
-    let kept = found.held;
+    let kept = found.bytes;
     for _ in 0..1000 {
         take(&mut found, a_pose(0)).unwrap();
         take(&mut found, a_twist(0)).unwrap();
     }
-    assert_eq!(found.held, kept, "the same again");
+    assert_eq!(found.bytes, kept, "the same again");
     for other in [a_pose(1), a_twist(1)] {
-        let mut found = Found { held: LARGEST - kept, ..Found::default() };
+        let mut found = PoseCollector { bytes: MAX_CHUNK_BYTES - kept, ..PoseCollector::default() };
         take(&mut found, a_pose(0)).unwrap();
         take(&mut found, a_twist(0)).unwrap();
         let refused = take(&mut found, other).unwrap_err().to_string();
@@ -317,23 +318,25 @@ fn what_a_motion_keeps_is_limited_and_what_says_nothing_is_not_kept() {
         assert!(refused.starts_with(expected), "{refused}");
     }
     // Names of topics and frames are kept, too.
-    let named = Message { channel: channel(&"/a".repeat(500), "Pose"), ..a_pose(0) };
-    let mut found = Found { held: LARGEST - 1000, ..Found::default() };
+    let named = McapMessage { channel: channel(&"/a".repeat(500), "Pose"), ..a_pose(0) };
+    let mut found = PoseCollector { bytes: MAX_CHUNK_BYTES - 1000, ..PoseCollector::default() };
     assert!(take(&mut found, named).is_err());
     let framed = |k: u64| {
         let entry = transform(0, &format!("{k}{}", "f".repeat(100)), 0.0);
-        let channel =
-            Channel { schema: "tf2_msgs/msg/TFMessage".into(), ..(*channel("/tf", "")).clone() };
-        Message { channel: channel.into(), log_time: 0, data: entry.bytes }
+        let channel = ChannelInfo {
+            schema: "tf2_msgs/msg/TFMessage".into(),
+            ..(*channel("/tf", "")).clone()
+        };
+        McapMessage { channel: channel.into(), log_time: 0, data: entry.bytes }
     };
-    let mut found = Found { held: LARGEST - 1000, ..Found::default() };
+    let mut found = PoseCollector { bytes: MAX_CHUNK_BYTES - 1000, ..PoseCollector::default() };
     assert!((0..10).any(|k| take(&mut found, framed(k)).is_err()));
 }
 
 #[test]
 fn what_cannot_be_used_is_named() {
     let place = Place::new();
-    let clock = Entry::of("/clock", 0, &Clock { clock: Time::from_ns(0) }).unwrap();
+    let clock = TopicMessage::of("/clock", 0, &Clock { clock: Time::from_ns(0) }).unwrap();
     let entries = [clock, pose("/tine_1/pose", 0, 0.0, 0), transform(0, "arm", 0.0)];
     let path = place.file(&entries);
     for (map, said) in [
@@ -358,11 +361,11 @@ fn what_cannot_be_used_is_named() {
     let frames = "frames [\"/machine/tf:tine-1\", \"/tf:/tine-1\"]";
     assert!(error.contains(frames) && error.contains("TOPIC:FRAME=BODY"), "{error}");
     for text in ["", "=a", "/a=", "/a"] {
-        assert!(text.parse::<Map>().is_err(), "{text}");
+        assert!(text.parse::<TopicMap>().is_err(), "{text}");
     }
     let mut turned = PoseStamped { header: Header::world(0), pose: at(0.0) };
     turned.pose.orientation.w = 0.9;
-    let turned = Entry::of("/tine_1/pose", 0, &turned).unwrap();
+    let turned = TopicMessage::of("/tine_1/pose", 0, &turned).unwrap();
     let error = read_all(&place.file(&[turned]), &[]).unwrap_err().to_string();
     assert!(error.contains("unit quaternion"), "{error}");
 }

@@ -1,24 +1,25 @@
-//! Which topic moves which body.
+//! Assignment of topics and frames to bodies.
 
-use super::few;
-use crate::entry::topic_part;
 use crate::error::{Error, Result};
-use crate::messages::Channel;
+use crate::messages::ChannelInfo;
+use crate::topic_message::topic_part;
 use ballast_protocol::MessageError;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// A topic, or a frame of a topic with transforms, that moves a body.
+/// Topic, or frame of a topic with transforms, that moves a body.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Map {
+pub struct TopicMap {
+    /// Name of the topic.
     pub topic: String,
     /// Child frame, for topics with transforms; by default the body's name.
     pub frame: Option<String>,
+    /// Name of the body.
     pub body: String,
 }
 
-/// `TOPIC=BODY` or `TOPIC:FRAME=BODY`.
-impl std::str::FromStr for Map {
+/// Parses `TOPIC=BODY` or `TOPIC:FRAME=BODY`.
+impl std::str::FromStr for TopicMap {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
@@ -34,26 +35,26 @@ impl std::str::FromStr for Map {
     }
 }
 
-/// What a channel is good for.
+/// Use of a channel for the motion of a body.
 #[derive(Debug, PartialEq, Eq)]
-pub(super) enum Source<'a> {
+pub(super) enum ChannelUse<'a> {
     Other,
     Pose(&'a str),
     Twist(&'a str),
     Json(&'a str),
     Transforms,
-    /// Transforms that move nothing; they tell which frames the file places.
+    /// Transforms that move nothing, but define frames.
     Frames,
 }
 
 pub(super) struct Assignment {
-    maps: Vec<Map>,
-    /// The maps are the default ones: nobody asked for them.
+    maps: Vec<TopicMap>,
+    /// True if the caller gave no maps.
     by_default: bool,
 }
 
 impl Assignment {
-    pub fn new(path: &Path, bodies: &[String], maps: &[Map]) -> Result<Self> {
+    pub fn new(path: &Path, bodies: &[String], maps: &[TopicMap]) -> Result<Self> {
         if let Some(wrong) = maps.iter().find(|m| !bodies.contains(&m.body)) {
             let (place, expected) =
                 (format!("map of {}", wrong.topic), format!("one of {bodies:?}"));
@@ -64,28 +65,31 @@ impl Assignment {
         }
         let default = |body: &String| {
             let topic = format!("/{}/pose", topic_part(body));
-            let pose = Map { topic, frame: None, body: body.clone() };
-            [pose, Map { topic: "/tf".into(), frame: Some(body.clone()), body: body.clone() }]
+            let pose = TopicMap { topic, frame: None, body: body.clone() };
+            [pose, TopicMap { topic: "/tf".into(), frame: Some(body.clone()), body: body.clone() }]
         };
         Ok(Self { maps: bodies.iter().flat_map(default).collect(), by_default: true })
     }
 
-    /// Whether nobody asked for it.
+    /// True if the caller gave no maps.
     pub fn is_default(&self) -> bool {
         self.by_default
     }
 
-    pub fn source(&self, channel: &Channel) -> std::result::Result<Source<'_>, MessageError> {
+    pub fn source(
+        &self,
+        channel: &ChannelInfo,
+    ) -> std::result::Result<ChannelUse<'_>, MessageError> {
         let topic = &channel.topic;
         let (encoding, kind) = (&channel.encoding[..], channel.schema.replacen("/msg/", "/", 1));
         let is = |name: &str| encoding == "cdr" && kind == name;
         let mut maps = self.maps.iter().filter(|m| m.topic == *topic);
         if let Some(map) = maps.next() {
             let source = match encoding {
-                "json" => Source::Json(&map.body),
-                _ if is("geometry_msgs/PoseStamped") => Source::Pose(&map.body),
-                _ if is("geometry_msgs/TwistStamped") => Source::Twist(&map.body),
-                _ if is("tf2_msgs/TFMessage") => Source::Transforms,
+                "json" => ChannelUse::Json(&map.body),
+                _ if is("geometry_msgs/PoseStamped") => ChannelUse::Pose(&map.body),
+                _ if is("geometry_msgs/TwistStamped") => ChannelUse::Twist(&map.body),
+                _ if is("tf2_msgs/TFMessage") => ChannelUse::Transforms,
                 _ => {
                     let expected = "geometry_msgs/PoseStamped, TwistStamped or tf2_msgs/TFMessage in \
                                     CDR, or JSON";
@@ -94,41 +98,43 @@ impl Assignment {
                 }
             };
             return match (&source, maps.next()) {
-                (Source::Transforms, _) | (_, None) => Ok(source),
+                (ChannelUse::Transforms, _) | (_, None) => Ok(source),
                 (_, Some(other)) => {
-                    let expected = "one body for a topic that is of one";
+                    let expected = "one body for a topic of one body";
                     let found = format!("{:?} and {:?}", map.body, other.body);
                     Err(MessageError::new("map", expected, found))
                 }
             };
         }
-        // The twists of a pose topic are beside it.
-        let beside = |m: &&Map| {
+        // The twist topic of a pose topic has the same stem.
+        let has_same_stem = |m: &&TopicMap| {
             let stem = m.topic.strip_suffix("/pose");
             stem.is_some() && topic.strip_suffix("/twist") == stem
         };
-        match self.maps.iter().find(beside) {
-            Some(map) if is("geometry_msgs/TwistStamped") => Ok(Source::Twist(&map.body)),
-            _ if is("tf2_msgs/TFMessage") => Ok(Source::Frames),
-            _ => Ok(Source::Other),
+        match self.maps.iter().find(has_same_stem) {
+            Some(map) if is("geometry_msgs/TwistStamped") => Ok(ChannelUse::Twist(&map.body)),
+            _ if is("tf2_msgs/TFMessage") => Ok(ChannelUse::Frames),
+            _ => Ok(ChannelUse::Other),
         }
     }
 
     pub fn body_of_frame(&self, topic: &str, frame: &str) -> Option<&str> {
-        let fits = |m: &&Map| m.topic == topic && m.frame.as_deref().unwrap_or(&m.body) == frame;
+        let fits =
+            |m: &&TopicMap| m.topic == topic && m.frame.as_deref().unwrap_or(&m.body) == frame;
         self.maps.iter().find(fits).map(|m| &m.body[..])
     }
 
-    /// Whether every map that was asked for met something.
-    pub fn all_used(
+    /// Checks that every map of the caller has a topic or frame in the file.
+    pub fn check_all_used(
         &self,
         path: &Path,
         topics: &BTreeSet<String>,
         frames: &BTreeSet<String>,
     ) -> Result<()> {
-        let frame = |m: &Map| format!("{}:{}", m.topic, m.frame.as_ref().unwrap_or(&m.body));
-        let is_of_frames = |m: &Map| frames.iter().any(|f| f.starts_with(&format!("{}:", m.topic)));
-        let known = |m: &&Map| match m.frame {
+        let frame = |m: &TopicMap| format!("{}:{}", m.topic, m.frame.as_ref().unwrap_or(&m.body));
+        let is_of_frames =
+            |m: &TopicMap| frames.iter().any(|f| f.starts_with(&format!("{}:", m.topic)));
+        let known = |m: &&TopicMap| match m.frame {
             None if !is_of_frames(m) => topics.contains(&m.topic),
             _ => frames.contains(&frame(m)),
         };
@@ -143,9 +149,19 @@ impl Assignment {
                 let found = if map.frame.is_some() { frames } else { topics };
                 let wanted = map.frame.as_ref().map_or(String::new(), |frame| format!(":{frame}"));
                 let wanted = format!("{}{wanted}", map.topic);
-                Err(Error::unsuitable(path, "topics", wanted, few(found)))
+                Err(Error::unsuitable(path, "topics", wanted, list_names(found)))
             }
             _ => Ok(()),
         }
+    }
+}
+
+/// Lists the first names for a message, and the number of the others.
+pub(super) fn list_names(names: &BTreeSet<String>) -> String {
+    const MAX_NAMES: usize = 40;
+    let list = format!("{:?}", names.iter().take(MAX_NAMES).collect::<Vec<_>>());
+    match names.len().saturating_sub(MAX_NAMES) {
+        0 => list,
+        more => format!("{list} and {more} more"),
     }
 }

@@ -1,39 +1,39 @@
-//! From poses and twists at times to a waveform.
+//! Conversion of poses and twists at times to a waveform.
 
-use super::no_twist;
 use ballast::component::{Interpolation, Knot, Waveform};
 use ballast::math::Quat;
 use ballast_protocol::MessageError;
 use ballast_protocol::messages::{Pose, Quaternion, Twist};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How far the norm of a recorded quaternion may be from 1; it is normalised.
-const NEARLY_UNIT: f64 = 1e-3;
-/// Norms nearer to 1 than this are left as they are, so that exact recordings stay exact.
-const UNIT: f64 = 1e-9;
+/// Maximum deviation of the norm of a recorded quaternion from 1; the quaternion is then normalised.
+const MAX_NORM_ERROR: f64 = 1e-3;
+/// Maximum deviation from 1 at which a quaternion is not normalised, so that exact recordings stay exact.
+const EXACT_NORM_ERROR: f64 = 1e-9;
 
-/// Share of the way by which twists and poses may differ without a word: twists of a vibration that is sampled three
-/// times a period come to 0.45, those in another unit or of another frame to 1 and more.
-const CONTRADICTION: f64 = 0.6;
-/// What moves less than this says nothing of its twists, m.
-const STILL: f64 = 1e-3;
+/// Maximum ratio of the difference between twists and poses to the displacement. Twists of a vibration that is sampled
+/// three times a period reach 0.45, those in another unit or frame 1 and more.
+const MAX_CONTRADICTION: f64 = 0.6;
+/// Minimum displacement for a comparison with twists, m.
+const MIN_DISPLACEMENT: f64 = 1e-3;
 
-/// Poses and twists of one body, as they come. Each tells how many bytes more it keeps.
+/// Poses and twists of one body, in the order of the file. Adding returns the additional memory in bytes.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Track {
+pub(super) struct PoseTrack {
     poses: Vec<(u64, Pose)>,
     twists: BTreeMap<u64, Twist>,
-    /// A time at which two were told.
+    /// A time with two different twists.
     two_twists_at: Option<u64>,
-    /// In which poses are told, and twists.
+    /// Frames of the poses.
     pub pose_frames: BTreeSet<String>,
+    /// Frames of the twists.
     pub twist_frames: BTreeSet<String>,
 }
 
-impl Track {
+impl PoseTrack {
     pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) -> usize {
-        let more = note(&mut self.pose_frames, frame);
-        // The same again says nothing, and a file may hold any number of them in next to no bytes.
+        let more = insert_name(&mut self.pose_frames, frame);
+        // Repetitions are skipped: a small file may have any number of them.
         if self.poses.last() == Some(&(time_ns, pose)) {
             return more;
         }
@@ -42,7 +42,7 @@ impl Track {
     }
 
     pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) -> usize {
-        let more = note(&mut self.twist_frames, frame);
+        let more = insert_name(&mut self.twist_frames, frame);
         match self.twists.insert(time_ns, twist) {
             None => return more + size_of::<(u64, Twist)>(),
             Some(other) if other != twist => {
@@ -57,20 +57,20 @@ impl Track {
         !self.poses.is_empty()
     }
 
-    pub fn take_twists(&mut self, other: &mut Track) {
+    pub fn take_twists(&mut self, other: &mut PoseTrack) {
         self.twists.append(&mut other.twists);
         self.twist_frames.append(&mut other.twist_frames);
         self.two_twists_at = self.two_twists_at.or(other.two_twists_at);
     }
 
-    /// The waveform, and how it came about. Times are those of the file.
+    /// Returns the waveform with the times of the file, and a note about its interpolation.
     pub fn waveform(mut self) -> Result<(Waveform, String), MessageError> {
         // Files may hold messages in the order of their arrival.
         self.poses.sort_by_key(|(time, _)| *time);
         self.poses.dedup();
         if let Some(pair) = self.poses.windows(2).find(|pair| pair[0].0 == pair[1].0) {
             let (place, expected) = (format!("{} ns", pair[0].0), "one pose at a time");
-            let found = "two; do the stamps tell the time? (--time log takes the recorded one)";
+            let found = "two; use --time log if the stamps are not the time";
             return Err(MessageError::new(place, expected, found));
         }
         if let Some(time) = self.two_twists_at {
@@ -78,7 +78,7 @@ impl Track {
         }
         let cubic = self.poses.iter().all(|(time, _)| self.twists.contains_key(time));
         let knot = |(time, pose): &(u64, Pose)| {
-            let twist = self.twists.get(time).filter(|_| cubic).copied().unwrap_or(no_twist());
+            let twist = self.twists.get(time).filter(|_| cubic).copied().unwrap_or_default();
             Ok(Knot {
                 time_ns: *time,
                 pose: ballast::math::Pose {
@@ -90,38 +90,38 @@ impl Track {
             })
         };
         let knots = self.poses.iter().map(knot).collect::<Result<Vec<Knot>, MessageError>>()?;
-        let (interpolation, how) = match (cubic, self.twists.is_empty()) {
+        let (interpolation, reason) = match (cubic, self.twists.is_empty()) {
             (true, _) => (Interpolation::Hermite, "cubic, by poses and twists"),
             (false, true) => (Interpolation::Linear, "linear, there are no twists"),
             (false, false) => {
                 (Interpolation::Linear, "linear, some poses have no twist of the same time")
             }
         };
-        let note = format!("{} poses, {how}", knots.len());
+        let note = format!("{} poses, {reason}", knots.len());
         Ok((Waveform { interpolation, knots }, note))
     }
 }
 
-/// The share of the way that the twists of a cubic motion miss from pose to pose, where it is out of proportion.
+/// Returns the ratio of the difference between twists and poses of a cubic motion to its displacement, if it is too large.
 pub(super) fn contradiction(waveform: &Waveform) -> Option<f64> {
     if waveform.interpolation != Interpolation::Hermite {
         return None;
     }
     let knots = &waveform.knots;
     let first = knots.first()?.pose.position;
-    let moves = knots.iter().any(|k| (k.pose.position - first).norm() > STILL);
-    let (mut missed, mut way) = (0.0, 0.0);
+    let moves = knots.iter().any(|k| (k.pose.position - first).norm() > MIN_DISPLACEMENT);
+    let (mut missed, mut distance) = (0.0, 0.0);
     for [a, b] in knots.windows(2).map(|pair| [&pair[0], &pair[1]]) {
         let h = (b.time_ns - a.time_ns) as f64 * 1e-9;
         let moved = b.pose.position - a.pose.position;
         missed += (moved - 0.5 * h * (a.velocity + b.velocity)).norm();
-        way += moved.norm();
+        distance += moved.norm();
     }
-    (moves && missed > CONTRADICTION * way).then(|| missed / way)
+    (moves && missed > MAX_CONTRADICTION * distance).then(|| missed / distance)
 }
 
-/// Notes a name; how many bytes more that keeps.
-pub(super) fn note(names: &mut BTreeSet<String>, name: &str) -> usize {
+/// Inserts a name; returns the additional memory in bytes.
+pub(super) fn insert_name(names: &mut BTreeSet<String>, name: &str) -> usize {
     if names.contains(name) {
         return 0;
     }
@@ -132,20 +132,20 @@ pub(super) fn note(names: &mut BTreeSet<String>, name: &str) -> usize {
 fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, MessageError> {
     let plain = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
     let off = (plain.norm() - 1.0).abs();
-    if off <= UNIT {
+    if off <= EXACT_NORM_ERROR {
         return Ok(Quat::new_unchecked(plain));
     }
-    if off <= NEARLY_UNIT {
+    if off <= MAX_NORM_ERROR {
         return Ok(Quat::new_normalize(plain));
     }
     let place = format!("orientation at {time_ns} ns");
     Err(MessageError::new(place, "a unit quaternion (x, y, z, w)", format!("{q:?}")))
 }
 
-/// The waveform from `start` on, shifted so that `start` becomes `begin`.
+/// Returns the waveform from `start` on, shifted so that `start` becomes `begin`.
 ///
-/// A body whose messages begin earlier gets a knot at `start`, with the pose and the twist of its curve there: what
-/// remains is that curve, turns about changing axes to the order of the cubic.
+/// A waveform that begins earlier gets a knot at `start`, with the pose and twist of its curve there. The rest of the curve
+/// is unchanged; rotations about changing axes are so to the order of the cubic.
 pub(super) fn cut(mut waveform: Waveform, start: u64, begin: u64) -> Waveform {
     let (pose, twist) = (waveform.pose(start), waveform.twist(start).unwrap_or_default());
     let earlier = waveform.knots.partition_point(|k| k.time_ns <= start);
@@ -172,11 +172,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_twists_at_a_time_are_refused_and_the_same_one_twice_is_not() {
+    fn two_different_twists_at_a_time_are_refused() {
         let track = |speeds: [f64; 2]| {
-            let mut track = Track::default();
+            let mut track = PoseTrack::default();
             for speed in speeds {
-                let mut twist = no_twist();
+                let mut twist = Twist::default();
                 twist.linear.x = speed;
                 track.pose(5, Pose::default(), "");
                 track.twist(5, twist, "");
@@ -190,7 +190,7 @@ mod tests {
     }
 
     #[test]
-    fn what_remains_of_a_cut_motion_is_its_curve() {
+    fn a_cut_keeps_the_curve() {
         let vec = ballast::math::Vec3::new;
         let knot = |time_ns, x, speed, angle, angular_velocity| Knot {
             time_ns,
@@ -216,7 +216,7 @@ mod tests {
             assert!((twist.velocity - was.velocity).norm() < 1e-12, "{after}");
             assert!((twist.angular_velocity - was.angular_velocity).norm() < 1e-12, "{after}");
         }
-        // At a knot nothing is computed.
+        // A cut at a knot is exact.
         assert_eq!(cut(whole.clone(), 0, 0), whole);
         let last = cut(whole.clone(), 10 * ms, 5).knots;
         assert_eq!(last, [Knot { time_ns: 5, ..whole.knots[1] }]);

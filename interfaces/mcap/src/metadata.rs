@@ -1,4 +1,4 @@
-//! What a recording says about itself: the metadata record `ballast`.
+//! Metadata of a recording: the metadata record `ballast`.
 
 use crate::error::{Error, Result};
 use ballast::model::Model;
@@ -7,47 +7,52 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Name of the metadata record.
-pub(crate) const NAME: &str = "ballast";
-/// The format that this crate writes and reads.
-const FORMAT: &str = "3";
+pub(crate) const METADATA_NAME: &str = "ballast";
+/// Name of the attachment with the state at the start.
+pub(crate) const START_ATTACHMENT: &str = "start.h5";
+/// Version of the format that this crate writes and reads.
+const FORMAT: &str = "4";
 
-/// Who moved the bodies of a recorded run.
+/// Origin of the motions in a recorded run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Drive {
-    /// The tamping cycle of the case, whose memory is part of the state.
+    /// Tamping cycle of the case, whose memory is part of the state.
     Case,
-    /// A partner: the recorded inputs are all there is.
+    /// Inputs of a partner, which the recording contains.
     Inputs,
 }
 
-/// What is needed to compute a recording again.
+/// Metadata of a recording: everything that its verification needs besides the windows.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Meta {
+pub struct RecordingMetadata {
     /// Program and version.
     pub program: String,
+    /// Name of the case.
     pub case_name: String,
-    /// Key of the bed's content.
+    /// Content key of the bed.
     pub case_key: String,
-    /// The case file.
+    /// Text of the case file.
     pub case_text: String,
-    /// ns.
+    /// Time step, ns.
     pub step_ns: u64,
+    /// Name of the solver's schedule.
     pub schedule: String,
+    /// Origin of the motions.
     pub drive: Drive,
-    /// What the command line changed in the case.
-    pub choices: BTreeMap<String, String>,
+    /// Notes of the overrides of the case.
+    pub overrides: BTreeMap<String, String>,
     /// Hash of the state at the start.
     pub initial_hash: StateHash,
 }
 
-const CHOICE: &str = "choice.";
+const OVERRIDE_PREFIX: &str = "override.";
 
-impl Meta {
-    /// Of a recording that begins now: of a case by its name, the key of its bed, its text, and what was chosen
-    /// in it, with `model`; `initial_hash` fingerprints model and state.
+impl RecordingMetadata {
+    /// Creates the metadata of a new recording from the identity of its case (name, bed key, text), the notes of its
+    /// overrides, its model, and the hash of its initial state.
     pub fn of(
         [case_name, case_key, case_text]: [String; 3],
-        choices: BTreeMap<String, String>,
+        overrides: BTreeMap<String, String>,
         model: &Model,
         drive: Drive,
         initial_hash: StateHash,
@@ -60,7 +65,7 @@ impl Meta {
             step_ns: model.stepping.step_ns,
             schedule: model.solver.schedule.name().into(),
             drive,
-            choices,
+            overrides,
             initial_hash,
         }
     }
@@ -81,32 +86,39 @@ impl Meta {
             ("drive", drive.to_string()),
             ("initial_hash", self.initial_hash.to_string()),
         ];
-        let choices = self.choices.iter().map(|(k, v)| (format!("{CHOICE}{k}"), v.clone()));
-        fixed.into_iter().map(|(k, v)| (k.to_string(), v)).chain(choices).collect()
+        let overrides =
+            self.overrides.iter().map(|(k, v)| (format!("{OVERRIDE_PREFIX}{k}"), v.clone()));
+        fixed.into_iter().map(|(k, v)| (k.to_string(), v)).chain(overrides).collect()
     }
 
     pub(crate) fn from_entries(path: &Path, entries: &BTreeMap<String, String>) -> Result<Self> {
         let text = |key: &str| {
             entries.get(key).cloned().ok_or_else(|| {
-                Error::damaged(path, format!("metadata {NAME:?}, {key}"), "an entry", "none")
+                Error::damaged(
+                    path,
+                    format!("metadata {METADATA_NAME:?}, {key}"),
+                    "an entry",
+                    "none",
+                )
             })
         };
         let wrong = |key: &str, expected: &str, found: &str| {
             Error::damaged(
                 path,
-                format!("metadata {NAME:?}, {key}"),
+                format!("metadata {METADATA_NAME:?}, {key}"),
                 expected,
                 format!("{found:?}"),
             )
         };
         let format = text("format")?;
         if format != FORMAT {
-            let (expected, found) = (FORMAT.into(), format);
-            return Err(Error::Version { path: path.into(), expected, found });
+            let expected = FORMAT.into();
+            return Err(Error::Version { path: path.into(), expected, found: format });
         }
         let step = text("step_ns")?;
         let hash = text("initial_hash")?;
-        let choice = |(k, v): (&String, &String)| Some((k.strip_prefix(CHOICE)?.into(), v.clone()));
+        let override_of =
+            |(k, v): (&String, &String)| Some((k.strip_prefix(OVERRIDE_PREFIX)?.into(), v.clone()));
         Ok(Self {
             program: text("program")?,
             case_name: text("case_name")?,
@@ -119,7 +131,7 @@ impl Meta {
                 "inputs" => Drive::Inputs,
                 other => return Err(wrong("drive", "`case` or `inputs`", other)),
             },
-            choices: entries.iter().filter_map(choice).collect(),
+            overrides: entries.iter().filter_map(override_of).collect(),
             initial_hash: hash
                 .parse()
                 .map_err(|_| wrong("initial_hash", "32 hexadecimal digits", &hash))?,

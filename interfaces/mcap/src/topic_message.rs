@@ -1,27 +1,28 @@
-//! A message with its topic and time, ready to be written or compared.
+//! Message with its topic and time, ready to be written or compared.
 
 use ballast_protocol::messages::{Message, schema};
 use ballast_protocol::{MessageError, to_cdr};
 
-/// A message of a recording.
+/// Message with its topic and time.
 #[derive(Debug, Clone)]
-pub struct Entry {
+pub struct TopicMessage {
+    /// Name of the topic.
     pub topic: String,
     /// Simulated time, ns.
     pub time_ns: u64,
-    /// Type, as `geometry_msgs/msg/Pose`.
+    /// Name of the type, such as `geometry_msgs/msg/Pose`.
     pub kind: &'static str,
-    /// CDR.
+    /// Content in CDR.
     pub bytes: Vec<u8>,
-    /// The definition that goes with the type.
+    /// Definition of the type.
     pub(crate) schema: fn() -> String,
 }
 
-impl Entry {
-    /// The entry of a message.
+impl TopicMessage {
+    /// Encodes a message.
     ///
     /// # Errors
-    /// A message that cannot be written as CDR.
+    /// A message that CDR cannot represent.
     pub fn of<T: Message>(
         topic: impl Into<String>,
         time_ns: u64,
@@ -32,7 +33,7 @@ impl Entry {
     }
 }
 
-/// A name as part of a topic: letters, digits and `_`, all that ROS 2 allows.
+/// Converts a name to a segment of a topic: letters, digits and `_`, as ROS 2 requires.
 pub(crate) fn topic_part(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
