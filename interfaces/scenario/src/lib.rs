@@ -21,6 +21,8 @@ mod resolve;
 pub mod sample;
 mod schema;
 mod schema_check;
+#[cfg(test)]
+mod schema_check_tests;
 pub mod sweep;
 
 pub use content_key::content_key;
