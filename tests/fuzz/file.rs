@@ -11,7 +11,7 @@ fn read(path: &Path) {
     let _ = checkpoint::read(path);
     let _ = fclib::read(path);
     let _ = inspect::inspect(path);
-    if let Ok(reader) = results::Reader::open(path) {
+    if let Ok(reader) = results::ResultsReader::open(path) {
         let _ = reader.times();
         for frame in 0..reader.steps().len().min(4) {
             let _ = reader.poses(frame);
@@ -19,8 +19,8 @@ fn read(path: &Path) {
                 let _ = reader.block(&block, frame);
             }
         }
-        for name in reader.series_names().unwrap_or_default() {
-            let _ = reader.series(&name);
+        for name in reader.table_names().unwrap_or_default() {
+            let _ = reader.table(&name);
         }
     }
     if let Ok(mut messages) = MessageReader::open(path) {

@@ -276,7 +276,7 @@ fn write_toml(
         let found = read_text(file, MAX_CASE_BYTES).ok().and_then(|found| found.parse().ok());
         found.is_some_and(|table| is_same_kind(&table))
     };
-    ballast_hdf5::expect_ours(path, kind, is_ours)
+    ballast_hdf5::check_file_kind(path, kind, is_ours)
         .and_then(|()| ballast_hdf5::replace(path, &[text.as_bytes()]))
         .map_err(|e| errors::file(py, e))
 }

@@ -4,7 +4,7 @@ use crate::arrays::{self, Matrix, Vector};
 use crate::errors;
 use crate::inputs;
 use crate::lock::lock;
-use ballast_hdf5::results::{Reader, Table};
+use ballast_hdf5::results::{ResultsReader, ResultsTable};
 use pyo3::exceptions::PyKeyError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,14 +14,14 @@ use std::sync::Mutex;
 #[doc = stub!("Results")]
 #[pyclass(frozen, module = "ballast", name = "Results")]
 pub struct PyResults {
-    reader: Mutex<Reader>,
+    reader: Mutex<ResultsReader>,
 }
 
 impl PyResults {
     fn read<T: Send>(
         &self,
         py: Python<'_>,
-        read: impl FnOnce(&Reader) -> ballast_hdf5::Result<T> + Send,
+        read: impl FnOnce(&ResultsReader) -> ballast_hdf5::Result<T> + Send,
     ) -> PyResult<T> {
         py.detach(|| read(&lock(&self.reader))).map_err(|e| errors::file(py, e))
     }
@@ -30,10 +30,10 @@ impl PyResults {
     ///
     /// # Errors
     /// `KeyError` if there is none of this name.
-    fn read_table(&self, py: Python<'_>, name: &str) -> PyResult<Table> {
-        let read = |r: &Reader| {
-            let names = r.series_names()?;
-            let table = names.iter().any(|known| known == name).then(|| r.series(name));
+    fn read_table(&self, py: Python<'_>, name: &str) -> PyResult<ResultsTable> {
+        let read = |r: &ResultsReader| {
+            let names = r.table_names()?;
+            let table = names.iter().any(|known| known == name).then(|| r.table(name));
             Ok((table.transpose()?, names))
         };
         let (table, names) = self.read(py, read)?;
@@ -48,7 +48,7 @@ impl PyResults {
 impl PyResults {
     #[new]
     fn new(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        let reader = py.detach(|| Reader::open(path)).map_err(|e| errors::file(py, e))?;
+        let reader = py.detach(|| ResultsReader::open(path)).map_err(|e| errors::file(py, e))?;
         Ok(Self { reader: Mutex::new(reader) })
     }
 
@@ -61,32 +61,32 @@ impl PyResults {
     #[doc = stub!("Results.case_name")]
     #[getter]
     fn case_name(&self, py: Python<'_>) -> PyResult<String> {
-        self.read(py, |r| r.about("case_name"))
+        self.read(py, |r| r.metadata("case_name"))
     }
 
     #[doc = stub!("Results.case_text")]
     #[getter]
     fn case_text(&self, py: Python<'_>) -> PyResult<String> {
-        self.read(py, |r| r.about("case_text"))
+        self.read(py, |r| r.metadata("case_text"))
     }
 
     #[doc = stub!("Results.grain_count")]
     #[getter]
     fn grain_count(&self, py: Python<'_>) -> PyResult<u64> {
-        Ok(self.read(py, Reader::bodies)?.0)
+        Ok(self.read(py, ResultsReader::bodies)?.0)
     }
 
     #[doc = stub!("Results.bodies")]
     #[getter]
     fn bodies(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        Ok(self.read(py, Reader::bodies)?.1)
+        Ok(self.read(py, ResultsReader::bodies)?.1)
     }
 
     #[doc = stub!("Results.roles")]
     #[getter]
     fn roles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let roles = PyDict::new(py);
-        for (name, role) in self.bodies(py)?.iter().zip(self.read(py, Reader::roles)?) {
+        for (name, role) in self.bodies(py)?.iter().zip(self.read(py, ResultsReader::roles)?) {
             roles.set_item(name, role)?;
         }
         Ok(roles)
@@ -102,7 +102,7 @@ impl PyResults {
     #[doc = stub!("Results.times")]
     #[getter]
     fn times<'py>(&self, py: Python<'py>) -> PyResult<Vector<'py>> {
-        let times = self.read(py, Reader::times)?;
+        let times = self.read(py, ResultsReader::times)?;
         Ok(arrays::column(py, &times))
     }
 
@@ -125,7 +125,7 @@ impl PyResults {
     #[doc = stub!("Results.tables")]
     #[getter]
     fn tables(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        self.read(py, Reader::series_names)
+        self.read(py, ResultsReader::table_names)
     }
 
     #[doc = stub!("Results.table")]
@@ -152,7 +152,7 @@ impl PyResults {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let (name, frames) = self.read(py, |r| Ok((r.about("case_name")?, r.steps().len())))?;
+        let (name, frames) = self.read(py, |r| Ok((r.metadata("case_name")?, r.steps().len())))?;
         let so_far = if self.is_closed() { "" } else { ", not closed" };
         Ok(format!("Results({name:?}, {frames} frames{so_far})"))
     }

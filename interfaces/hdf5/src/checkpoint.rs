@@ -8,7 +8,7 @@ use crate::columns::{self, Column, Data};
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::hash;
 use crate::image::{self, Source};
-use crate::replace::expect_ours;
+use crate::replace::check_file_kind;
 use crate::{decode, seal, validate};
 use ballast::model::Model;
 use ballast::state::State;
@@ -74,7 +74,7 @@ pub fn write(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<()> {
 /// # Errors
 /// [`Error::Refused`], or the system refuses.
 pub fn may_become_a_checkpoint(path: impl AsRef<Path>) -> Result<()> {
-    expect_ours(path.as_ref(), "a checkpoint of ours", |file| {
+    check_file_kind(path.as_ref(), "a checkpoint of ours", |file| {
         let mut start = vec![];
         let begins = format!("{} ", FORMAT.name);
         let read = file.take(begins.len() as u64).read_to_end(&mut start);

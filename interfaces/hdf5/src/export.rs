@@ -5,7 +5,7 @@
 
 use crate::error::{Result, io};
 use crate::replace;
-use crate::results::{Array, BlockFrame, Reader, Table, is_block};
+use crate::results::{BlockFrame, FieldArray, ResultsReader, ResultsTable, is_block};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
@@ -16,7 +16,7 @@ const LIST: &str = "frames.pvd";
 
 /// Writes everything in `results` to `folder`, which is made when needed; returns the files.
 pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
-    let (reader, folder) = (Reader::open(results)?, folder.as_ref());
+    let (reader, folder) = (ResultsReader::open(results)?, folder.as_ref());
     std::fs::create_dir_all(folder).map_err(io(folder, "create the folder"))?;
     let earlier = listed(folder);
     let mut files = frames(&reader, folder)?;
@@ -24,8 +24,8 @@ pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec
         // Else a reader that goes by names would show two runs as one, and one that goes by the list nothing.
         let _ = std::fs::remove_file(stale);
     }
-    for name in reader.series_names()? {
-        files.push(write(folder, &format!("{name}.csv"), csv(&reader.series(&name)?))?);
+    for name in reader.table_names()? {
+        files.push(write(folder, &format!("{name}.csv"), csv(&reader.table(&name)?))?);
     }
     Ok(files)
 }
@@ -55,7 +55,7 @@ fn write(folder: &Path, name: &str, content: String) -> Result<PathBuf> {
     Ok(path)
 }
 
-fn frames(reader: &Reader, folder: &Path) -> Result<Vec<PathBuf>> {
+fn frames(reader: &ResultsReader, folder: &Path) -> Result<Vec<PathBuf>> {
     let (blocks, mut files) = (reader.blocks()?, vec![]);
     let mut list = String::new();
     for (frame, time) in reader.times()?.into_iter().enumerate() {
@@ -106,7 +106,7 @@ fn vtp(block: &BlockFrame) -> String {
     xml
 }
 
-fn arrays(xml: &mut String, arrays: &[Array]) {
+fn arrays(xml: &mut String, arrays: &[FieldArray]) {
     for array in arrays {
         floats(xml, &array.name, array.width, &array.values);
     }
@@ -135,7 +135,7 @@ fn data_array(xml: &mut String, kind: &str, name: &str, width: usize, bytes: Vec
 }
 
 /// Columns as `name [unit]`; numbers in the shortest form that reads back to the same bits.
-fn csv(table: &Table) -> String {
+fn csv(table: &ResultsTable) -> String {
     let mut text = String::from("step");
     for (name, unit) in &table.columns {
         let heading = if unit.is_empty() { name.clone() } else { format!("{name} [{unit}]") };

@@ -5,15 +5,15 @@
 use crate::checkpoint;
 use crate::error::Result;
 use crate::hash::state_hash;
-use crate::results::Reader;
+use crate::results::ResultsReader;
 use crate::seal;
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
 
-/// Summary of a file.
+/// FileSummary of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Summary {
+pub struct FileSummary {
     /// `bed`, `run` or `results`.
     pub kind: &'static str,
     /// Version of the file's format.
@@ -33,15 +33,15 @@ pub struct Summary {
     /// Number of frames; in results.
     pub frames: Option<u64>,
     /// Name, columns and rows of the tables; in results.
-    pub series: Vec<(String, u64, u64)>,
+    pub tables: Vec<(String, u64, u64)>,
     /// Bytes.
     pub size: u64,
 }
 
 /// Tells what `path` holds.
 ///
-/// Errors: as [`checkpoint::read`] and [`Reader::open`].
-pub fn inspect(path: impl AsRef<Path>) -> Result<Summary> {
+/// Errors: as [`checkpoint::read`] and [`ResultsReader::open`].
+pub fn inspect(path: impl AsRef<Path>) -> Result<FileSummary> {
     let path = path.as_ref();
     // Results have no header of ours; everything else is for the checkpoint's reader to judge.
     if seal::is_hdf5(path)? { of_results(path) } else { of_checkpoint(path) }
@@ -51,10 +51,10 @@ fn size(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |m| m.len())
 }
 
-fn of_checkpoint(path: &Path) -> Result<Summary> {
+fn of_checkpoint(path: &Path) -> Result<FileSummary> {
     let checkpoint = checkpoint::read(path)?;
     let (model, state) = (&checkpoint.model, &checkpoint.state);
-    Ok(Summary {
+    Ok(FileSummary {
         kind: checkpoint.kind.name(),
         version: checkpoint::VERSION,
         grains: model.grains.len() as u64,
@@ -64,20 +64,20 @@ fn of_checkpoint(path: &Path) -> Result<Summary> {
         contacts: Some(state.contacts.bodies.len() as u64),
         hash: Some(state_hash(model, state)),
         frames: None,
-        series: vec![],
+        tables: vec![],
         size: size(path),
         case_name: checkpoint.case_name,
         key: checkpoint.key,
     })
 }
 
-fn of_results(path: &Path) -> Result<Summary> {
-    let reader = Reader::open(path)?;
+fn of_results(path: &Path) -> Result<FileSummary> {
+    let reader = ResultsReader::open(path)?;
     let (grains, driven) = reader.bodies()?;
-    let mut series = vec![];
+    let mut tables = vec![];
     let (mut step, mut time) = (reader.steps().last().copied(), reader.times()?.last().copied());
-    for name in reader.series_names()? {
-        let table = reader.series(&name)?;
+    for name in reader.table_names()? {
+        let table = reader.table(&name)?;
         // Tables have more rows than there are frames.
         let at = table.columns.iter().position(|(name, _)| name == "time");
         let row = table.rows.chunks_exact(table.columns.len().max(1)).next_back();
@@ -86,13 +86,13 @@ fn of_results(path: &Path) -> Result<Summary> {
         {
             (step, time) = (Some(last), Some(row[at]));
         }
-        series.push((name, table.columns.len() as u64, table.steps.len() as u64));
+        tables.push((name, table.columns.len() as u64, table.steps.len() as u64));
     }
-    Ok(Summary {
+    Ok(FileSummary {
         kind: "results",
         version: reader.version(),
-        case_name: reader.about("case_name")?,
-        key: reader.about("key")?,
+        case_name: reader.metadata("case_name")?,
+        key: reader.metadata("key")?,
         grains,
         driven,
         step,
@@ -100,12 +100,12 @@ fn of_results(path: &Path) -> Result<Summary> {
         contacts: None,
         hash: None,
         frames: Some(reader.steps().len() as u64),
-        series,
+        tables,
         size: size(path),
     })
 }
 
-impl Summary {
+impl FileSummary {
     /// The summary for programs; absent values are left out.
     pub fn to_json(&self) -> Value {
         let mut value = json!({
@@ -124,7 +124,7 @@ impl Summary {
         });
         if self.frames.is_some() {
             let table = |(name, columns, rows): &(String, u64, u64)| json!({ "name": name, "columns": columns, "rows": rows });
-            value["series"] = self.series.iter().map(table).collect();
+            value["tables"] = self.tables.iter().map(table).collect();
         }
         if let Value::Object(map) = &mut value {
             map.retain(|_, v| !v.is_null());
@@ -133,7 +133,7 @@ impl Summary {
     }
 }
 
-impl fmt::Display for Summary {
+impl fmt::Display for FileSummary {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         writeln!(f, "kind      {} (format {})", self.kind, self.version)?;
         writeln!(f, "case      {}", self.case_name)?;
@@ -150,8 +150,8 @@ impl fmt::Display for Summary {
         if let Some(frames) = self.frames {
             writeln!(f, "frames    {frames}")?;
         }
-        for (name, columns, rows) in &self.series {
-            writeln!(f, "series    {name}: {columns} columns, {rows} rows")?;
+        for (name, columns, rows) in &self.tables {
+            writeln!(f, "table     {name}: {columns} columns, {rows} rows")?;
         }
         write!(f, "size      {} bytes", self.size)
     }

@@ -21,4 +21,4 @@ mod validate;
 
 pub use error::{Error, Result};
 pub use hash::state_hash;
-pub use replace::{clear, expect_ours, replace, replaceable};
+pub use replace::{check_file_kind, clear, replace, replaceable};

@@ -75,7 +75,7 @@ fn is_temporary(name: &OsStr, of: &OsStr) -> bool {
 ///
 /// # Errors
 /// [`Error::Refused`](crate::Error::Refused), or the system refuses.
-pub fn expect_ours(path: &Path, ours: &str, is_ours: impl FnOnce(File) -> bool) -> Result<()> {
+pub fn check_file_kind(path: &Path, ours: &str, is_ours: impl FnOnce(File) -> bool) -> Result<()> {
     let refused = |found: &str| {
         let expected = format!("a new file, or {ours} to replace");
         Err(Fault::new("path", expected, found).refused(path))
@@ -182,8 +182,9 @@ mod tests {
         let path = folder.path().join("a.h5");
         // As a kill leaves it.
         let left = beside(&path).unwrap().into_temp_path().keep().unwrap();
-        let others = ["a.h5", "a.h5.tmp", "a.h5.spare", "b.h5.AbCd12.tmp", "a.h5.notes-1.tmp"]
-            .map(|name| folder.path().join(name));
+        let others =
+            ["a.h5", "a.h5.tmp", "a.h5.index-backup", "b.h5.AbCd12.tmp", "a.h5.notes-1.tmp"]
+                .map(|name| folder.path().join(name));
         others.iter().for_each(|other| std::fs::write(other, "kept").unwrap());
         clear(&path);
         assert!(!left.exists());

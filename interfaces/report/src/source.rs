@@ -6,7 +6,7 @@ use ballast::observe::lost_grains;
 use ballast::state::State;
 use ballast::track::{self, TampingPhase};
 use ballast_hdf5::checkpoint::{self, Kind};
-use ballast_hdf5::results::{Reader, Table};
+use ballast_hdf5::results::{ResultsReader, ResultsTable};
 use ballast_session::Reporter;
 use ballast_session::case::{self, Case, CaseOverrides};
 use ballast_session::record::{Column, StepRow};
@@ -70,7 +70,7 @@ impl ReportSource {
                         run `ballast replay FILE`";
             return Err(Failure::at(&results, what));
         }
-        let reader = Reader::open(&results)?;
+        let reader = ResultsReader::open(&results)?;
         if !at.exists() {
             let what = "no such file, but the shapes of the bodies are in it; replays and runs killed before their first checkpoint \
                  have none";
@@ -86,7 +86,7 @@ impl ReportSource {
         let state_hash = format!("{:032x}", ballast_hdf5::state_hash(&stored.model, &stored.state));
         let choices = CaseOverrides::from_notes(&stored.extra)?;
         let case = case::parse(stored.case_text, &stored.case_name, &choices, console)?;
-        let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
+        let (steps, zones) = (reader.table(STEPS)?, reader.table(ZONES)?);
         if let Some(what) = recorder::of_another_run(&reader, &steps, &case, &stored.state)? {
             return Err(Failure::at(&results, format!("{what}; {TOGETHER}")));
         }
@@ -95,7 +95,7 @@ impl ReportSource {
         let (model, state) = (&stored.model, &stored.state);
         let done = summary.take_tables(&steps, &zones, state.step) as usize;
         let beyond = steps.steps.len().saturating_sub(done);
-        let table = |table: &Table, rows: usize| -> Vec<Vec<f64>> {
+        let table = |table: &ResultsTable, rows: usize| -> Vec<Vec<f64>> {
             table.rows.chunks_exact(table.columns.len()).take(rows).map(<[f64]>::to_vec).collect()
         };
         let rows: Vec<StepRow> = table(&steps, done).into_iter().map(StepRow).collect();
@@ -113,8 +113,8 @@ impl ReportSource {
         let summary_file = files.read_summary().filter(|file| file["state_hash"] == state_hash);
         let timing = summary_file.map(|mut summary| summary["timing"].take());
         Ok(Self {
-            program: reader.about("program")?,
-            bed_key: reader.about("key")?,
+            program: reader.metadata("program")?,
+            bed_key: reader.metadata("key")?,
             case,
             model: stored.model,
             state: stored.state,
@@ -161,7 +161,7 @@ pub fn run_files(path: &Path) -> Result<RunFiles> {
 }
 
 fn frames(
-    reader: &Reader,
+    reader: &ResultsReader,
     rows: &[StepRow],
     state: &State,
     path: &Path,

@@ -12,7 +12,9 @@ use ballast::step::StepReport;
 use ballast::track::plan::Plan;
 use ballast::track::{self, TampingPhase};
 use ballast::workspace::Workspace;
-use ballast_hdf5::results::{self, Background, Meta, Reader, Table, Writer};
+use ballast_hdf5::results::{
+    self, BackgroundWriter, ResultsMetadata, ResultsReader, ResultsTable, ResultsWriter,
+};
 use std::path::Path;
 
 /// Name of the table of steps, see [`record`].
@@ -30,7 +32,7 @@ pub const TOGETHER: &str =
 pub struct Recorder {
     zones: Vec<Zone>,
     tracked: Vec<TrackedBody>,
-    results: Background,
+    results: BackgroundWriter,
     /// True if the case has frames.
     frames: bool,
     summary: RunSummary,
@@ -42,13 +44,13 @@ impl Recorder {
     /// # Errors
     /// A file that cannot be written.
     pub fn create(files: &RunFiles, case: &Case, model: &Model, state: &State) -> Result<Self> {
-        let meta = Meta {
+        let meta = ResultsMetadata {
             case_name: case.plan.name.clone(),
             case_text: case.text.clone(),
             key: case.bed_key(),
             program: concat!("ballast ", env!("CARGO_PKG_VERSION")).into(),
         };
-        let writer = Writer::create(files.results(), model, &meta)?;
+        let writer = ResultsWriter::create(files.results(), model, &meta)?;
         let mut recorder = Self::open(writer, case, model)?;
         recorder.summary = recorder.summary.starting_at(state);
         Ok(recorder)
@@ -66,25 +68,25 @@ impl Recorder {
         let path = files.results();
         // Before anything reads the file.
         results::mend(&path)?;
-        let reader = Reader::open(&path)?;
-        let (steps, zones) = (reader.series(STEPS)?, reader.series(ZONES)?);
+        let reader = ResultsReader::open(&path)?;
+        let (steps, zones) = (reader.table(STEPS)?, reader.table(ZONES)?);
         // Before anything is cut off.
         if let Some(what) = of_another_run(&reader, &steps, case, state)? {
             return Err(Failure::at(&path, what));
         }
         check_tables(&path, case, model, &steps, &zones)?;
         drop(reader);
-        let writer = Writer::append_to(&path, model, state.step)?;
+        let writer = ResultsWriter::append_to(&path, model, state.step)?;
         let mut recorder = Self::open(writer, case, model)?;
         recorder.summary.take_tables(&steps, &zones, state.step);
         Ok(recorder)
     }
 
-    fn open(writer: Writer, case: &Case, model: &Model) -> Result<Self> {
+    fn open(writer: ResultsWriter, case: &Case, model: &Model) -> Result<Self> {
         let zones = track::zones(&case.plan);
         let tracked = record::tracked(model);
         let summary = RunSummary::new(SummarySettings::for_case(case, model));
-        let mut results = Background::new(writer, MAX_QUEUED);
+        let mut results = BackgroundWriter::new(writer, MAX_QUEUED);
         declare(&mut results, STEPS, &record::columns(&tracked))?;
         declare(&mut results, ZONES, &zone_columns(&zones))?;
         let frames = case.plan.run.output_ns > 0;
@@ -157,16 +159,16 @@ impl Recorder {
 /// # Errors
 /// Results that cannot be read.
 pub fn of_another_run(
-    reader: &Reader,
-    steps: &Table,
+    reader: &ResultsReader,
+    steps: &ResultsTable,
     case: &Case,
     state: &State,
 ) -> Result<Option<String>> {
-    if reader.about("case_text")? != case.text {
-        let (expected, found) = (&case.plan.name, reader.about("case_name")?);
+    if reader.metadata("case_text")? != case.text {
+        let (expected, found) = (&case.plan.name, reader.metadata("case_name")?);
         let text =
             format!("expected that of the checkpoint, {expected:?}, found another, {found:?}");
-        return Ok(Some(format!("about/case_text: {text}")));
+        return Ok(Some(format!("metadata/case_text: {text}")));
     }
     let last = state.step;
     let rows = steps.steps.iter().filter(|step| **step <= last).count();
@@ -193,14 +195,19 @@ pub fn check_tables(
     path: &Path,
     case: &Case,
     model: &Model,
-    steps: &Table,
-    zones: &Table,
+    steps: &ResultsTable,
+    zones: &ResultsTable,
 ) -> Result {
     check_columns(path, STEPS, steps, &record::columns(&record::tracked(model)))?;
     check_columns(path, ZONES, zones, &zone_columns(&track::zones(&case.plan)))
 }
 
-fn check_columns(path: &Path, name: &str, table: &Table, expected: &[(String, String)]) -> Result {
+fn check_columns(
+    path: &Path,
+    name: &str,
+    table: &ResultsTable,
+    expected: &[(String, String)],
+) -> Result {
     if table.columns == expected {
         return Ok(());
     }
@@ -250,9 +257,9 @@ fn steps_per_period(plan: &Plan) -> usize {
     period.map_or(1, |period| (period / plan.run.stepping.h()).round().clamp(1.0, 1e6) as usize)
 }
 
-fn declare(results: &mut Background, name: &str, columns: &[(String, String)]) -> Result {
+fn declare(results: &mut BackgroundWriter, name: &str, columns: &[(String, String)]) -> Result {
     let columns: Vec<(&str, &str)> = columns.iter().map(|(n, u)| (&n[..], &u[..])).collect();
-    Ok(results.series(name, &columns)?)
+    Ok(results.table(name, &columns)?)
 }
 
 /// Returns the columns of the table of zones: time, and compactness of each zone.
@@ -271,7 +278,7 @@ mod tests {
             names.iter().map(|name| (name.to_string(), "s".to_string())).collect()
         };
         let (steps, rows) = (vec![], vec![]);
-        let table = Table { columns: columns(&["time", "phase"]), steps, rows };
+        let table = ResultsTable { columns: columns(&["time", "phase"]), steps, rows };
         let check = |names| check_columns(Path::new("r"), STEPS, &table, &columns(names));
         assert!(check(&["time", "phase"]).is_ok());
         for (names, said) in [

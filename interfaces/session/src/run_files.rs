@@ -5,7 +5,7 @@ use crate::files::{
 };
 use crate::{Failure, Result};
 use ballast_hdf5::checkpoint::{self, Checkpoint};
-use ballast_hdf5::results::Reader;
+use ballast_hdf5::results::ResultsReader;
 use ballast_mcap::may_become_a_recording;
 use serde_json::Value;
 use std::fs::{File, TryLockError};
@@ -23,7 +23,7 @@ pub fn is_served(checkpoint: &Checkpoint) -> bool {
 /// File that a process locks while it writes a run.
 const LOCK_FILE: &str = ".lock";
 /// Backup of the index of results, which exists while they are written.
-const INDEX_BACKUP: &str = "results.vtkhdf.spare";
+const INDEX_BACKUP: &str = "results.vtkhdf.index-backup";
 /// Maximum size of a summary, bytes.
 const MAX_SUMMARY_BYTES: u64 = 16 << 20;
 
@@ -239,7 +239,7 @@ impl RunFiles {
     /// A folder with the finished run of another case.
     pub fn refuse_another(&self, case_text: &str) -> Result {
         let results = self.results();
-        let text_of = || Reader::open(&results)?.about("case_text");
+        let text_of = || ResultsReader::open(&results)?.metadata("case_text");
         match self.complete_summary().map(|_| text_of()) {
             Some(Ok(found)) if found != case_text => Err(Failure::Usage(format!(
                 "{} contains the finished run of another case or of an earlier text of this one; choose another folder \

@@ -9,7 +9,7 @@ use crate::statistics::{MovingMean, Statistics, norm};
 use ballast::model::Role;
 use ballast::state::State;
 use ballast::track::TampingPhase;
-use ballast_hdf5::results::Table;
+use ballast_hdf5::results::ResultsTable;
 use serde_json::{Value, json};
 
 /// Settings of a summary, known before the run.
@@ -237,8 +237,8 @@ impl RunSummary {
     }
 
     /// Adds the tables of a results file up to step `last`, and returns the number of steps added.
-    pub fn take_tables(&mut self, steps: &Table, zones: &Table, last: u64) -> u64 {
-        let rows = |table: &Table| -> Vec<StepRow> {
+    pub fn take_tables(&mut self, steps: &ResultsTable, zones: &ResultsTable, last: u64) -> u64 {
+        let rows = |table: &ResultsTable| -> Vec<StepRow> {
             let upto = table.steps.iter().filter(|step| **step <= last).count();
             let rows = table.rows.chunks_exact(table.columns.len().max(1));
             rows.take(upto).map(|row| StepRow(row.to_vec())).collect()

@@ -44,7 +44,7 @@ fn what_cannot_be_begun_costs_nothing() {
         ("--record /dev/null", "a device or a pipe"),
         ("--record run/summary.json", "none of the run's own"),
         ("--record run/checkpoint.h5", "none of the run's own"),
-        ("--record run/results.vtkhdf.spare", "none of the run's own"),
+        ("--record run/results.vtkhdf.index-backup", "none of the run's own"),
         ("--record run/report.html", "none of the run's own"),
         ("--dump-problems tiny.toml", "tiny.toml"),
     ] {

@@ -267,7 +267,7 @@ fn a_checkpoint_is_not_joined_to_the_results_of_another_run() {
     std::fs::write(place.path("tiny.toml"), CASE.replace("height_m = 0.004", "height_m = 0.003"))
         .unwrap();
     place.run("--out mix --steps 20 --force").with_code(0);
-    refused("about/case_text: expected");
+    refused("metadata/case_text: expected");
     std::fs::write(place.path("tiny.toml"), CASE).unwrap();
     place.run("--out mix --steps 5 --force").with_code(0);
     refused("expected a row for each of 10 steps, found 5");

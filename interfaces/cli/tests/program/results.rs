@@ -1,7 +1,7 @@
 //! docs/src/guide/results.md names all that a run leaves.
 
 use crate::setup::Place;
-use ballast_hdf5::results::Reader;
+use ballast_hdf5::results::ResultsReader;
 use serde_json::Value;
 use std::collections::BTreeSet;
 
@@ -65,7 +65,7 @@ fn keys(path: &str, value: &Value, found: &mut BTreeSet<Named>) {
 }
 
 /// Tables with their columns and blocks with their arrays.
-fn content(results: &Reader) -> BTreeSet<Named> {
+fn content(results: &ResultsReader) -> BTreeSet<Named> {
     let (_, bodies) = results.bodies().unwrap();
     let general = |column: &str| {
         for body in &bodies {
@@ -80,9 +80,9 @@ fn content(results: &Reader) -> BTreeSet<Named> {
         column.to_string()
     };
     let mut found = BTreeSet::new();
-    for table in results.series_names().unwrap() {
+    for table in results.table_names().unwrap() {
         found.insert((format!("{table}.csv"), None));
-        let columns = results.series(&table).unwrap().columns;
+        let columns = results.table(&table).unwrap().columns;
         found.extend(columns.into_iter().map(|(name, unit)| (general(&name), Some(unit))));
     }
     for block in results.blocks().unwrap() {
@@ -98,7 +98,7 @@ fn content(results: &Reader) -> BTreeSet<Named> {
 fn the_page_names_all_that_a_run_leaves() {
     let place = Place::new();
     place.run("--out run --steps 20").with_code(0);
-    let mut wanted = content(&Reader::open(place.path("run/results.vtkhdf")).unwrap());
+    let mut wanted = content(&ResultsReader::open(place.path("run/results.vtkhdf")).unwrap());
     keys("", &serde_json::from_str(&place.text("run/summary.json")).unwrap(), &mut wanted);
     for file in std::fs::read_dir(place.path("run")).unwrap() {
         let name = file.unwrap().file_name().into_string().unwrap();

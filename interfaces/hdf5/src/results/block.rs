@@ -16,29 +16,29 @@ const CELLS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
 /// Marks an array whose rows serve all steps.
 const CONSTANT: &str = "constant";
 
-pub(crate) struct Block {
+pub(crate) struct VtkBlock {
     group: Group,
     steps: Group,
 }
 
 /// Where values live: one per cell, or one per point.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) enum On {
+pub(crate) enum FieldLocation {
     Cells,
     Points,
 }
 
-impl On {
+impl FieldLocation {
     fn data(self) -> &'static str {
-        if self == On::Cells { "CellData" } else { "PointData" }
+        if self == FieldLocation::Cells { "CellData" } else { "PointData" }
     }
 
     fn offsets(self) -> &'static str {
-        if self == On::Cells { "CellDataOffsets" } else { "PointDataOffsets" }
+        if self == FieldLocation::Cells { "CellDataOffsets" } else { "PointDataOffsets" }
     }
 }
 
-impl Block {
+impl VtkBlock {
     /// A block without steps; `index` is its place in the collection.
     pub fn create(root: &Group, name: &str, index: usize, points_per_step: usize) -> Result<Self> {
         let group = make_group(root, name)?;
@@ -70,7 +70,7 @@ impl Block {
         for name in ["CellOffsets", "ConnectivityIdOffsets"] {
             create_table::<i64>(&steps, name, &[4])?;
         }
-        for on in [On::Cells, On::Points] {
+        for on in [FieldLocation::Cells, FieldLocation::Points] {
             make_group(&group, on.data())?;
             make_group(&steps, on.offsets())?;
         }
@@ -99,7 +99,7 @@ impl Block {
     /// Declares an array of `width` numbers per row.
     pub fn declare<T: hdf5::H5Type>(
         &self,
-        on: On,
+        on: FieldLocation,
         name: &str,
         width: usize,
         rows_per_step: usize,
@@ -128,7 +128,12 @@ impl Block {
     }
 
     /// Data that are the same in each step.
-    pub fn set_constant<T: hdf5::H5Type>(&self, on: On, name: &str, values: &[T]) -> Result<()> {
+    pub fn set_constant<T: hdf5::H5Type>(
+        &self,
+        on: FieldLocation,
+        name: &str,
+        values: &[T],
+    ) -> Result<()> {
         let data = self.group.group(on.data())?;
         append_portion(&data, name, values)?;
         data.dataset(name)?.new_attr::<u8>().create(CONSTANT)?.write_scalar(&1_u8)
@@ -165,21 +170,21 @@ impl Block {
     }
 
     /// This step's values of an array.
-    pub fn add<T: hdf5::H5Type>(&self, on: On, name: &str, values: &[T]) -> Result<()> {
+    pub fn add<T: hdf5::H5Type>(&self, on: FieldLocation, name: &str, values: &[T]) -> Result<()> {
         let first = append_portion(&self.group.group(on.data())?, name, values)?;
         self.refer(on, name, first)
     }
 
     /// This step's values of an array that is constant.
-    pub fn again(&self, on: On, name: &str) -> Result<()> {
+    pub fn again(&self, on: FieldLocation, name: &str) -> Result<()> {
         self.refer(on, name, 0)
     }
 
-    fn refer(&self, on: On, name: &str, first: usize) -> Result<()> {
+    fn refer(&self, on: FieldLocation, name: &str, first: usize) -> Result<()> {
         append(&self.steps.group(on.offsets())?, name, &[first as i64]).map(drop)
     }
 
-    /// Completes the step's data; viewers see it after [`Block::show`].
+    /// Completes the step's data; viewers see it after [`VtkBlock::show`].
     pub fn end_step(&self, time: f64) -> Result<()> {
         append(&self.steps, "Values", &[time]).map(drop)
     }
@@ -192,7 +197,7 @@ impl Block {
 
     /// Forgets all steps from number `steps` on.
     pub fn truncate(&self, steps: usize) -> Result<()> {
-        for on in [On::Cells, On::Points] {
+        for on in [FieldLocation::Cells, FieldLocation::Points] {
             let (data, offsets) = (self.group.group(on.data())?, self.steps.group(on.offsets())?);
             for name in offsets.member_names()? {
                 let constant = data.dataset(&name)?.attr(CONSTANT).is_ok();

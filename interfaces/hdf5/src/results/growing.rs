@@ -177,7 +177,7 @@ pub(crate) fn read_texts(group: &Group, name: &str, version: u32) -> Result<Vec<
         _ if count == 0 => Ok(vec![]),
         TypeDescriptor::FixedUnicode(0..=LONG_TEXT) => fixed_texts::<LONG_TEXT>(&attribute),
         TypeDescriptor::FixedUnicode(0..=LONGEST_TEXT) => fixed_texts::<LONGEST_TEXT>(&attribute),
-        TypeDescriptor::VarLenUnicode if version == super::HEAPED => {
+        TypeDescriptor::VarLenUnicode if version == super::FORMAT_V1_VLEN_STRINGS => {
             let texts: Vec<VarLenUnicode> = attribute.read_raw()?;
             Ok(texts.iter().map(|t| told(t.as_bytes())).collect())
         }

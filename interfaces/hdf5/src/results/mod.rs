@@ -2,24 +2,24 @@
 //!
 //! `/VTKHDF`: frames, for ParaView and VTK 9.4 on: blocks `grains`, `sleepers`, `tines`, `boundary`
 //! (true polyhedra; cell data `body`, `speed` m/s, `load` N) and `contacts` (points that carry a
-//! force). `/frames`: step of each frame, poses. `/series`: tables of numbers over the steps.
-//! `/about`: the case. Reads: model, state, workspace.
-//! Contract: after [`Writer::frame`] everything so far is with the operating system; a run that is
+//! force). `/frames`: step of each frame, poses. `/tables`: tables of numbers over the steps.
+//! `/metadata`: the case. Reads: model, state, workspace.
+//! Contract: after [`ResultsWriter::frame`] everything so far is with the operating system; a run that is
 //! killed leaves a file that is readable up to its last frame, or series' last flush, unless it is killed
-//! among the writes of a flush itself; from what was last secured [`Writer::append_to`] goes on after either.
+//! among the writes of a flush itself; from what was last secured [`ResultsWriter::append_to`] goes on after either.
 
-mod background;
+mod background_writer;
 mod block;
+mod frame_data;
 mod growing;
+mod index_backup;
 mod reader;
-mod series;
-mod snapshot;
-mod spare;
 mod surface;
+mod table_buffer;
 
-pub use background::Background;
-pub use reader::{Array, BlockFrame, Reader, Table};
-pub use snapshot::Snapshot;
+pub use background_writer::BackgroundWriter;
+pub use frame_data::FrameData;
+pub use reader::{BlockFrame, FieldArray, ResultsReader, ResultsTable};
 
 use crate::columns;
 use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
@@ -30,16 +30,16 @@ use ballast::math::{Pose, Vec3};
 use ballast::model::{DrivenBody, Model};
 use ballast::state::State;
 use ballast::workspace::Workspace;
-use block::{Block, On};
+use block::{FieldLocation, VtkBlock};
 use hdf5::plist::file_access::{
     CacheDecreaseMode, CacheIncreaseMode, FlashIncreaseMode, MetadataCacheConfig,
 };
 use hdf5::{File, Group};
-use series::Buffer;
-use spare::Spare;
+use index_backup::IndexBackup;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use surface::{Extent, Surface};
+use surface::{Extent, SurfaceMesh};
+use table_buffer::TableBuffer;
 
 /// The block of contact points.
 const CONTACTS: &str = "contacts";
@@ -53,7 +53,7 @@ pub(crate) fn is_block(name: &str) -> bool {
 pub const VERSION: u32 = 2;
 
 /// Version whose texts are of variable length, in a heap of the file; it is read, too.
-pub(crate) const HEAPED: u32 = 1;
+pub(crate) const FORMAT_V1_VLEN_STRINGS: u32 = 1;
 
 pub(crate) const FORMAT: &str = "ballast-results";
 
@@ -62,7 +62,7 @@ const SEAL: seal::Format = seal::Format { name: "ballast-results-end", version: 
 
 /// What a results file says about where it comes from.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Meta {
+pub struct ResultsMetadata {
     pub case_name: String,
     /// The case file's text, as it was read.
     pub case_text: String,
@@ -74,19 +74,19 @@ pub struct Meta {
 
 /// Writes the results of one run. Belongs to one thread: HDF5 serialises all calls anyway.
 #[derive(Debug)]
-pub struct Writer {
+pub struct ResultsWriter {
     path: PathBuf,
     file: File,
     model: Model,
     last_step: Option<u64>,
     /// Known from the first frame on.
-    surfaces: Vec<Surface>,
-    series: BTreeMap<String, Buffer>,
-    spare: Spare,
+    surfaces: Vec<SurfaceMesh>,
+    series: BTreeMap<String, TableBuffer>,
+    index_backup: IndexBackup,
 }
 
 /// Opens for writing so that a kill between two flushes leaves the file of the first one; for kills inside a flush see
-/// [`spare`].
+/// [`index_backup`].
 fn open(path: &Path, new: bool) -> hdf5::Result<File> {
     let mut options = File::with_options();
     options.with_fapl(|p| {
@@ -114,17 +114,17 @@ fn open(path: &Path, new: bool) -> hdf5::Result<File> {
 /// Puts right what a run that was killed among the writes of a flush left at `path`: before it is read to be gone on with.
 ///
 /// # Errors
-/// As those of [`Writer::append_to`], which does it, too.
+/// As those of [`ResultsWriter::append_to`], which does it, too.
 pub fn mend(path: &Path) -> Result<()> {
-    spare::restore(path)
+    index_backup::restore(path)
 }
 
-impl Writer {
+impl ResultsWriter {
     /// Starts a new file; one that is there is replaced.
-    pub fn create(path: impl AsRef<Path>, model: &Model, meta: &Meta) -> Result<Self> {
+    pub fn create(path: impl AsRef<Path>, model: &Model, meta: &ResultsMetadata) -> Result<Self> {
         let path = path.as_ref();
         // Before the file is emptied: what was kept must never be put into another one.
-        spare::forget(path)?;
+        index_backup::forget(path)?;
         // The library's message for a missing folder does not say so.
         std::fs::File::create(path).map_err(io(path, "create"))?;
         let file = open(path, true).map_err(hdf5_error(path, "file"))?;
@@ -135,34 +135,34 @@ impl Writer {
             last_step: None,
             surfaces: vec![],
             series: BTreeMap::new(),
-            spare: Spare::default(),
+            index_backup: IndexBackup::default(),
         };
         writer.start(meta).map_err(hdf5_error(path, "start of the file"))?;
         Ok(writer)
     }
 
-    fn start(&self, meta: &Meta) -> hdf5::Result<()> {
-        let about = growing::group(&self.file, "about")?;
-        growing::texts(&about, "format", &[FORMAT])?;
-        growing::number(&about, "version", VERSION)?;
-        growing::texts(&about, "case_name", &[&meta.case_name])?;
-        growing::long_text(&about, "case_text", &meta.case_text)?;
-        growing::texts(&about, "key", &[&meta.key])?;
-        growing::texts(&about, "program", &[&meta.program])?;
-        growing::texts(&about, "bodies_hash", &[&bodies_hash(&self.model)])?;
-        growing::number(&about, "grains", self.model.grains.len() as u64)?;
+    fn start(&self, meta: &ResultsMetadata) -> hdf5::Result<()> {
+        let metadata = growing::group(&self.file, "metadata")?;
+        growing::texts(&metadata, "format", &[FORMAT])?;
+        growing::number(&metadata, "version", VERSION)?;
+        growing::texts(&metadata, "case_name", &[&meta.case_name])?;
+        growing::long_text(&metadata, "case_text", &meta.case_text)?;
+        growing::texts(&metadata, "key", &[&meta.key])?;
+        growing::texts(&metadata, "program", &[&meta.program])?;
+        growing::texts(&metadata, "bodies_hash", &[&bodies_hash(&self.model)])?;
+        growing::number(&metadata, "grains", self.model.grains.len() as u64)?;
         let driven = &self.model.driven;
         let names: Vec<&str> = driven.iter().map(|d| d.name.as_str()).collect();
         let role = |d: &DrivenBody| d.role.name();
-        growing::texts(&about, "driven", &names)?;
-        growing::texts(&about, "driven_roles", &driven.iter().map(role).collect::<Vec<_>>())?;
+        growing::texts(&metadata, "driven", &names)?;
+        growing::texts(&metadata, "driven_roles", &driven.iter().map(role).collect::<Vec<_>>())?;
         let frames = growing::group(&self.file, "frames")?;
         let nb = self.model.body_count();
         growing::create_table::<u64>(&frames, "step", &[])?;
         growing::create_one_by_one::<f64>(&frames, "position", [nb.max(1), 3])?;
         growing::create_one_by_one::<f64>(&frames, "orientation", [nb.max(1), 4])?;
         growing::texts(&frames, "components", &["position: x, y, z", "orientation: w, x, y, z"])?;
-        growing::group(&self.file, "series")?;
+        growing::group(&self.file, "tables")?;
         self.file.flush()
     }
 
@@ -170,17 +170,17 @@ impl Writer {
     /// which a run wrote before it was stopped, are forgotten.
     pub fn append_to(path: impl AsRef<Path>, model: &Model, at_step: u64) -> Result<Self> {
         let path = path.as_ref();
-        spare::restore(path)?;
-        let reader = Reader::open(path)?;
-        let about = reader.about("bodies_hash")?;
+        index_backup::restore(path)?;
+        let reader = ResultsReader::open(path)?;
+        let metadata = reader.metadata("bodies_hash")?;
         let expected = bodies_hash(model);
-        if about != expected {
-            let fault = Fault::new("bodies", format!("those of the file, {about}"), expected);
+        if metadata != expected {
+            let fault = Fault::new("bodies", format!("those of the file, {metadata}"), expected);
             return Err(fault.refused(path));
         }
         let steps = reader.steps().to_vec();
         let poses = if steps.is_empty() { None } else { Some(reader.poses(0)?) };
-        let (tables, version) = (reader.series_names()?, reader.version());
+        let (tables, version) = (reader.table_names()?, reader.version());
         drop(reader);
         seal::take_from_end(path, &SEAL)?;
         let file = open(path, false).map_err(hdf5_error(path, "file"))?;
@@ -192,14 +192,14 @@ impl Writer {
             last_step: kept.checked_sub(1).map(|k| steps[k]),
             surfaces: vec![],
             series: BTreeMap::new(),
-            spare: Spare::default(),
+            index_backup: IndexBackup::default(),
         };
         if let Some(poses) = poses {
             let extent = surface::extent(model, &poses);
             writer.surfaces = surface::all(model, &poses, &extent);
         }
         writer.cut(kept, at_step, &tables, version).map_err(hdf5_error(path, "earlier frames"))?;
-        writer.spare.keep(path, &writer.file)?;
+        writer.index_backup.keep(path, &writer.file)?;
         Ok(writer)
     }
 
@@ -218,8 +218,8 @@ impl Writer {
             }
         } else {
             let root = self.file.group("VTKHDF")?;
-            for name in Block::names(&root)? {
-                Block::open(&root, &name)?.truncate(frames)?;
+            for name in VtkBlock::names(&root)? {
+                VtkBlock::open(&root, &name)?.truncate(frames)?;
             }
         }
         let group = self.file.group("frames")?;
@@ -227,7 +227,7 @@ impl Writer {
             growing::truncate(&group, name, frames)?;
         }
         for name in tables {
-            let table = Buffer::open(&self.file.group("series")?, name, at_step, version)?;
+            let table = TableBuffer::open(&self.file.group("tables")?, name, at_step, version)?;
             self.series.insert(name.clone(), table);
         }
         self.file.flush()
@@ -235,11 +235,11 @@ impl Writer {
 
     /// Writes a frame: bodies and forces after a step. Later than the frame before.
     pub fn frame(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result<()> {
-        self.write(&Snapshot::take(model, state, workspace))
+        self.write(&FrameData::take(model, state, workspace))
     }
 
     /// Writes a frame that was taken before.
-    pub fn write(&mut self, frame: &Snapshot) -> Result<()> {
+    pub fn write(&mut self, frame: &FrameData) -> Result<()> {
         let nb = self.model.body_count();
         if frame.poses.len() != nb || frame.speed.len() != nb {
             let fault = Fault::new("frame", format!("{nb} bodies"), frame.poses.len());
@@ -255,16 +255,16 @@ impl Writer {
         self.flush()
     }
 
-    fn add(&mut self, frame: &Snapshot) -> hdf5::Result<()> {
+    fn add(&mut self, frame: &FrameData) -> hdf5::Result<()> {
         if !self.file.link_exists("VTKHDF") {
             self.lay_out(frame)?;
         }
         let root = self.file.group("VTKHDF")?;
         let shapes = &self.model.shapes;
         for surface in &self.surfaces {
-            add_surface(&Block::open(&root, surface.name)?, surface, shapes, frame)?;
+            add_surface(&VtkBlock::open(&root, surface.name)?, surface, shapes, frame)?;
         }
-        add_contacts(&Block::open(&root, CONTACTS)?, frame)?;
+        add_contacts(&VtkBlock::open(&root, CONTACTS)?, frame)?;
         let group = self.file.group("frames")?;
         let position: Vec<f64> =
             frame.poses.iter().flat_map(|p| [p.position.x, p.position.y, p.position.z]).collect();
@@ -276,14 +276,14 @@ impl Writer {
         }
         // All data are there before anything says so: a kill in between costs this frame alone.
         self.file.flush()?;
-        for name in Block::names(&root)? {
-            Block::open(&root, &name)?.show()?;
+        for name in VtkBlock::names(&root)? {
+            VtkBlock::open(&root, &name)?.show()?;
         }
         growing::append(&group, "step", &[frame.step]).map(drop)
     }
 
     /// Makes the blocks, once the first frame tells the size of the scene.
-    fn lay_out(&mut self, frame: &Snapshot) -> hdf5::Result<()> {
+    fn lay_out(&mut self, frame: &FrameData) -> hdf5::Result<()> {
         let root = block::create_root(&self.file)?;
         let extent: Extent = surface::extent(&self.model, &frame.poses);
         self.surfaces = surface::all(&self.model, &frame.poses, &extent);
@@ -291,31 +291,31 @@ impl Writer {
         for (index, surface) in self.surfaces.iter().enumerate() {
             let points = surface.points(shapes, &frame.poses).len();
             let (starts, corners, bodies) = surface.topology(shapes);
-            let block = Block::create(&root, surface.name, index, points)?;
+            let block = VtkBlock::create(&root, surface.name, index, points)?;
             for name in ["speed", "load"] {
-                block.declare::<f32>(On::Cells, name, 1, bodies.len())?;
+                block.declare::<f32>(FieldLocation::Cells, name, 1, bodies.len())?;
             }
-            block.declare::<i32>(On::Cells, "body", 1, bodies.len())?;
+            block.declare::<i32>(FieldLocation::Cells, "body", 1, bodies.len())?;
             block.set_polygons(points, &starts, &corners)?;
-            block.set_constant(On::Cells, "body", &bodies)?;
+            block.set_constant(FieldLocation::Cells, "body", &bodies)?;
             block::link(&root, surface.name)?;
         }
         let expected = 2 * self.model.grains.len();
-        let block = Block::create(&root, CONTACTS, self.surfaces.len(), expected)?;
+        let block = VtkBlock::create(&root, CONTACTS, self.surfaces.len(), expected)?;
         for name in ["force", "normal"] {
-            block.declare::<f32>(On::Points, name, 3, expected)?;
+            block.declare::<f32>(FieldLocation::Points, name, 3, expected)?;
         }
         for name in ["normal_force", "gap"] {
-            block.declare::<f32>(On::Points, name, 1, expected)?;
+            block.declare::<f32>(FieldLocation::Points, name, 1, expected)?;
         }
         for name in ["candidate", "antagonist"] {
-            block.declare::<i32>(On::Points, name, 1, expected)?;
+            block.declare::<i32>(FieldLocation::Points, name, 1, expected)?;
         }
         block::link(&root, CONTACTS)
     }
 
     /// Declares a table of numbers over the steps: columns of name and unit. Again: no effect.
-    pub fn series(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
+    pub fn table(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
         if let Some(known) = self.series.get(name) {
             if known.fits(columns) {
                 return Ok(());
@@ -326,9 +326,9 @@ impl Writer {
         if name.is_empty() || name.contains(['/', '\0']) || columns.is_empty() {
             let found = format!("{name:?} with {} columns", columns.len());
             let expected = "a name without \"/\" and at least one column";
-            return Err(Fault::new("series", expected, found).refused(&self.path));
+            return Err(Fault::new("tables", expected, found).refused(&self.path));
         }
-        let create = || Buffer::create(&self.file.group("series")?, name, columns);
+        let create = || TableBuffer::create(&self.file.group("tables")?, name, columns);
         let table = create().map_err(hdf5_error(&self.path, name))?;
         self.series.insert(name.into(), table);
         Ok(())
@@ -336,16 +336,16 @@ impl Writer {
 
     /// Appends a row, of the end of step `step`, to a declared table.
     ///
-    /// Rows are gathered and written by the thousand, with the next frame, or by [`Writer::flush`].
+    /// Rows are gathered and written by the thousand, with the next frame, or by [`ResultsWriter::flush`].
     pub fn append(&mut self, name: &str, step: u64, row: &[f64]) -> Result<()> {
         let Some(table) = self.series.get_mut(name) else {
             let known: Vec<_> = self.series.keys().collect();
-            let fault = Fault::new("series", format!("one of {known:?}"), format!("{name:?}"));
+            let fault = Fault::new("tables", format!("one of {known:?}"), format!("{name:?}"));
             return Err(fault.refused(&self.path));
         };
         table.push(step, row).map_err(|f| f.refused(&self.path))?;
         if table.is_full() {
-            let group = self.file.group("series").map_err(hdf5_error(&self.path, name))?;
+            let group = self.file.group("tables").map_err(hdf5_error(&self.path, name))?;
             table.store(&group, name).map_err(hdf5_error(&self.path, name))?;
         }
         Ok(())
@@ -361,11 +361,11 @@ impl Writer {
     /// Before every checkpoint: what the checkpoint relies on then outlasts any kill, and the machine.
     pub fn secure(&mut self) -> Result<()> {
         self.flush()?;
-        self.spare.keep(&self.path, &self.file)
+        self.index_backup.keep(&self.path, &self.file)
     }
 
     fn flush_all(&mut self) -> hdf5::Result<()> {
-        let group: Group = self.file.group("series")?;
+        let group: Group = self.file.group("tables")?;
         for (name, table) in &mut self.series {
             table.store(&group, name)?;
         }
@@ -378,7 +378,7 @@ impl Writer {
         let Self { path, file, .. } = self;
         file.close().map_err(hdf5_error(&path, "close"))?;
         seal::put_at_end(&path, &SEAL)?;
-        spare::forget(&path)
+        index_backup::forget(&path)
     }
 
     /// The file.
@@ -393,31 +393,31 @@ impl Writer {
 }
 
 fn add_surface(
-    block: &Block,
-    surface: &Surface,
+    block: &VtkBlock,
+    surface: &SurfaceMesh,
     shapes: &[Polyhedron],
-    frame: &Snapshot,
+    frame: &FrameData,
 ) -> hdf5::Result<()> {
     let per_cell = |values: &[f32]| -> Vec<f32> {
         let faces = surface.faces(shapes);
         faces.flat_map(|(body, n)| std::iter::repeat_n(values[body], n)).collect()
     };
     block.add_points(&surface.points(shapes, &frame.poses), false)?;
-    block.add(On::Cells, "speed", &per_cell(&frame.speed))?;
-    block.add(On::Cells, "load", &per_cell(&frame.load))?;
-    block.again(On::Cells, "body")?;
+    block.add(FieldLocation::Cells, "speed", &per_cell(&frame.speed))?;
+    block.add(FieldLocation::Cells, "load", &per_cell(&frame.load))?;
+    block.again(FieldLocation::Cells, "body")?;
     block.end_step(frame.time)
 }
 
-fn add_contacts(block: &Block, frame: &Snapshot) -> hdf5::Result<()> {
+fn add_contacts(block: &VtkBlock, frame: &FrameData) -> hdf5::Result<()> {
     let contacts = &frame.contacts;
     block.add_points(&contacts.point, true)?;
-    block.add(On::Points, "force", contacts.force.as_flattened())?;
-    block.add(On::Points, "normal", contacts.normal.as_flattened())?;
-    block.add(On::Points, "normal_force", &contacts.normal_force)?;
-    block.add(On::Points, "gap", &contacts.gap)?;
-    block.add(On::Points, "candidate", &contacts.candidate)?;
-    block.add(On::Points, "antagonist", &contacts.antagonist)?;
+    block.add(FieldLocation::Points, "force", contacts.force.as_flattened())?;
+    block.add(FieldLocation::Points, "normal", contacts.normal.as_flattened())?;
+    block.add(FieldLocation::Points, "normal_force", &contacts.normal_force)?;
+    block.add(FieldLocation::Points, "gap", &contacts.gap)?;
+    block.add(FieldLocation::Points, "candidate", &contacts.candidate)?;
+    block.add(FieldLocation::Points, "antagonist", &contacts.antagonist)?;
     block.end_step(frame.time)
 }
 

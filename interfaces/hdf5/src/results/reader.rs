@@ -5,8 +5,8 @@
 //! complete, and thus sealed, the library does not see a byte of a damaged one. Those of version 1 that are not sealed have
 //! their texts in the file's global heap, which the library does not always survive where it is damaged: no new file has one.
 
-use super::block::Block;
-use super::{FORMAT, HEAPED, SEAL, VERSION, growing, pose};
+use super::block::VtkBlock;
+use super::{FORMAT, FORMAT_V1_VLEN_STRINGS, SEAL, VERSION, growing, pose};
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::{image, seal};
 use ballast::math::Pose;
@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 
 /// An opened results file.
 #[derive(Debug)]
-pub struct Reader {
+pub struct ResultsReader {
     path: PathBuf,
     file: File,
     size: u64,
@@ -34,14 +34,14 @@ pub struct BlockFrame {
     pub polygon_ends: Vec<i64>,
     pub corners: Vec<i64>,
     /// One value per polygon.
-    pub cell_data: Vec<Array>,
+    pub cell_data: Vec<FieldArray>,
     /// One value per point.
-    pub point_data: Vec<Array>,
+    pub point_data: Vec<FieldArray>,
 }
 
 /// Named values, flat `[rows * width]`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Array {
+pub struct FieldArray {
     pub name: String,
     pub width: usize,
     pub values: Vec<f32>,
@@ -49,7 +49,7 @@ pub struct Array {
 
 /// A table over the steps.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
+pub struct ResultsTable {
     /// Name and unit.
     pub columns: Vec<(String, String)>,
     /// Step of each row `[n]`.
@@ -58,7 +58,7 @@ pub struct Table {
     pub rows: Vec<f64>,
 }
 
-impl Reader {
+impl ResultsReader {
     /// Opens a results file.
     ///
     /// Errors: [`Error::Version`] for another version, [`Error::Damaged`] for another kind of file.
@@ -82,16 +82,16 @@ impl Reader {
     }
 
     fn check_format(&mut self) -> Result<()> {
-        if !self.file.link_exists("about") {
-            let found = "an HDF5 file without /about";
+        if !self.file.link_exists("metadata") {
+            let found = "an HDF5 file without /metadata";
             return Err(Fault::new("format", FORMAT, found).in_file(&self.path));
         }
-        let about = self.group("about")?;
-        let version = about.attr("version").and_then(|a| a.read_scalar::<u32>());
-        let version = version.map_err(hdf5_error(&self.path, "about/version"))?;
+        let metadata = self.group("metadata")?;
+        let version = metadata.attr("version").and_then(|a| a.read_scalar::<u32>());
+        let version = version.map_err(hdf5_error(&self.path, "metadata/version"))?;
         self.version = version;
-        let format = self.about("format")?;
-        if format == FORMAT && [HEAPED, VERSION].contains(&version) {
+        let format = self.metadata("format")?;
+        if format == FORMAT && [FORMAT_V1_VLEN_STRINGS, VERSION].contains(&version) {
             return Ok(());
         }
         Err(Error::Version {
@@ -116,35 +116,35 @@ impl Reader {
         &self.steps
     }
 
-    /// A text of `/about`: `case_name`, `case_text`, `key`, `program`.
-    pub fn about(&self, name: &str) -> Result<String> {
-        if name == "case_text" && self.version > HEAPED {
-            let text = self.dataset("about/case_text")?;
+    /// A text of `/metadata`: `case_name`, `case_text`, `key`, `program`.
+    pub fn metadata(&self, name: &str) -> Result<String> {
+        if name == "case_text" && self.version > FORMAT_V1_VLEN_STRINGS {
+            let text = self.dataset("metadata/case_text")?;
             let bytes: Vec<u8> = self.rows(&text, 0..text.size(), 1)?;
             return Ok(String::from_utf8_lossy(&bytes).into_owned());
         }
-        let texts = growing::read_texts(&self.group("about")?, name, self.version);
-        let texts = texts.map_err(hdf5_error(&self.path, &format!("about/{name}")))?;
+        let texts = growing::read_texts(&self.group("metadata")?, name, self.version);
+        let texts = texts.map_err(hdf5_error(&self.path, &format!("metadata/{name}")))?;
         Ok(texts.into_iter().next().unwrap_or_default())
     }
 
     /// Number of grains, and names of the driven bodies.
     pub fn bodies(&self) -> Result<(u64, Vec<String>)> {
-        let about = self.group("about")?;
+        let metadata = self.group("metadata")?;
         let read = || -> hdf5::Result<_> {
             Ok((
-                about.attr("grains")?.read_scalar()?,
-                growing::read_texts(&about, "driven", self.version)?,
+                metadata.attr("grains")?.read_scalar()?,
+                growing::read_texts(&metadata, "driven", self.version)?,
             ))
         };
-        read().map_err(hdf5_error(&self.path, "about"))
+        read().map_err(hdf5_error(&self.path, "metadata"))
     }
 
     /// What each of the driven bodies is: `boundary`, `sleeper` or `tine`.
     pub fn roles(&self) -> Result<Vec<String>> {
-        let about = self.group("about")?;
-        let roles = growing::read_texts(&about, "driven_roles", self.version);
-        roles.map_err(hdf5_error(&self.path, "about/driven_roles"))
+        let metadata = self.group("metadata")?;
+        let roles = growing::read_texts(&metadata, "driven_roles", self.version);
+        roles.map_err(hdf5_error(&self.path, "metadata/driven_roles"))
     }
 
     /// Names of the blocks.
@@ -152,7 +152,7 @@ impl Reader {
         if !self.file.link_exists("VTKHDF") {
             return Ok(vec![]);
         }
-        Block::names(&self.group("VTKHDF")?).map_err(hdf5_error(&self.path, "VTKHDF"))
+        VtkBlock::names(&self.group("VTKHDF")?).map_err(hdf5_error(&self.path, "VTKHDF"))
     }
 
     /// Simulated time of each frame, s.
@@ -219,7 +219,7 @@ impl Reader {
         Err(Fault::new(format!("VTKHDF/{block}/Polygons"), expected, "others").in_file(&self.path))
     }
 
-    fn arrays(&self, at: &str, on: &str, frame: usize, rows: usize) -> Result<Vec<Array>> {
+    fn arrays(&self, at: &str, on: &str, frame: usize, rows: usize) -> Result<Vec<FieldArray>> {
         let data = self.group(&format!("{at}/{on}Data"))?;
         let mut names = data.member_names().map_err(hdf5_error(&self.path, at))?;
         names.sort();
@@ -230,22 +230,22 @@ impl Reader {
             let dataset = self.dataset(&format!("{at}/{on}Data/{name}"))?;
             let width = dataset.shape().get(1).copied().unwrap_or(1);
             let values = self.rows(&dataset, first..first.saturating_add(rows), width)?;
-            Ok(Array { name, width, values })
+            Ok(FieldArray { name, width, values })
         };
         names.into_iter().map(array).collect()
     }
 
     /// Names of the tables.
-    pub fn series_names(&self) -> Result<Vec<String>> {
-        let names = self.group("series")?.member_names();
-        let mut names = names.map_err(hdf5_error(&self.path, "series"))?;
+    pub fn table_names(&self) -> Result<Vec<String>> {
+        let names = self.group("tables")?.member_names();
+        let mut names = names.map_err(hdf5_error(&self.path, "tables"))?;
         names.sort();
         Ok(names)
     }
 
     /// A table.
-    pub fn series(&self, name: &str) -> Result<Table> {
-        let at = format!("series/{name}");
+    pub fn table(&self, name: &str) -> Result<ResultsTable> {
+        let at = format!("tables/{name}");
         let group = self.group(&at)?;
         let texts = |name| {
             growing::read_texts(&group, name, self.version).map_err(hdf5_error(&self.path, &at))
@@ -254,7 +254,7 @@ impl Reader {
         let steps = self.dataset(&format!("{at}/step"))?;
         let n = rows_of(&steps);
         let rows = self.rows(&self.dataset(&format!("{at}/rows"))?, 0..n, columns.len())?;
-        Ok(Table { columns, steps: self.rows(&steps, 0..n, 1)?, rows })
+        Ok(ResultsTable { columns, steps: self.rows(&steps, 0..n, 1)?, rows })
     }
 
     fn group(&self, name: &str) -> Result<Group> {

@@ -2,14 +2,14 @@
 //!
 //! Reads: model; the first frame's poses, which say how large to draw half-spaces.
 
-use super::snapshot::single;
+use super::frame_data::single;
 use ballast::geometry::{AxisBox, Polyhedron};
 use ballast::math::{Pose, Vec3, frame};
 use ballast::model::{DrivenBody, Model, Part, Role};
 
 /// A group of bodies that viewers show or hide together.
 #[derive(Debug, Clone)]
-pub(crate) struct Surface {
+pub(crate) struct SurfaceMesh {
     pub name: &'static str,
     pub pieces: Vec<Piece>,
 }
@@ -49,7 +49,7 @@ pub(crate) fn is_named(name: &str) -> bool {
 }
 
 /// The surfaces of a model that have any piece.
-pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<Surface> {
+pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<SurfaceMesh> {
     let ng = model.grains.len();
     let grain = |body: usize| Piece {
         body,
@@ -66,7 +66,7 @@ pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<Surface
                 of_role.flat_map(|(d, body)| driven(ng + d, body, &poses[ng + d], extent)).collect()
             }
         };
-        Surface { name, pieces }
+        SurfaceMesh { name, pieces }
     };
     NAMES.into_iter().map(surface).filter(|s| !s.pieces.is_empty()).collect()
 }
@@ -116,7 +116,7 @@ pub(crate) fn extent(model: &Model, poses: &[Pose]) -> Extent {
     if poses.is_empty() { [Vec3::zeros(); 2] } else { [low, high] }
 }
 
-impl Surface {
+impl SurfaceMesh {
     /// Starts of the polygons `[nf + 1]`, their corners, and the body of each `[nf]`.
     pub fn topology(&self, shapes: &[Polyhedron]) -> (Vec<i64>, Vec<i64>, Vec<i32>) {
         let (mut starts, mut corners, mut bodies) = (vec![0], vec![], vec![]);

@@ -3,7 +3,7 @@
 use crate::scene;
 use ballast_hdf5::checkpoint::write;
 use ballast_hdf5::inspect::inspect;
-use ballast_hdf5::results::{Meta, Writer};
+use ballast_hdf5::results::{ResultsMetadata, ResultsWriter};
 use ballast_hdf5::{Error, state_hash};
 
 #[test]
@@ -12,21 +12,21 @@ fn checkpoints_and_results_are_told_apart() {
     let (a, b) = (folder.path().join("a.h5"), folder.path().join("b.h5"));
     let checkpoint = scene::checkpoint();
     write(&a, &checkpoint).unwrap();
-    let told = inspect(&a).unwrap();
-    assert_eq!((told.kind, told.grains, told.driven.len()), ("run", 27, 4));
-    assert_eq!(told.hash, Some(state_hash(&checkpoint.model, &checkpoint.state)));
-    assert_eq!(told.to_json()["case_name"], "Stück");
-    assert!(told.to_string().contains("time      6148914691.236517 s, step 12345"), "{told}");
+    let summary = inspect(&a).unwrap();
+    assert_eq!((summary.kind, summary.grains, summary.driven.len()), ("run", 27, 4));
+    assert_eq!(summary.hash, Some(state_hash(&checkpoint.model, &checkpoint.state)));
+    assert_eq!(summary.to_json()["case_name"], "Stück");
+    assert!(summary.to_string().contains("time      6148914691.236517 s, step 12345"), "{summary}");
 
-    let meta = Meta { case_name: "other".into(), ..Meta::default() };
-    let mut writer = Writer::create(&b, &checkpoint.model, &meta).unwrap();
-    writer.series("solver", &[("iterations", "")]).unwrap();
+    let meta = ResultsMetadata { case_name: "other".into(), ..ResultsMetadata::default() };
+    let mut writer = ResultsWriter::create(&b, &checkpoint.model, &meta).unwrap();
+    writer.table("solver", &[("iterations", "")]).unwrap();
     writer.append("solver", 1, &[3.0]).unwrap();
     writer.close().unwrap();
-    let told = inspect(&b).unwrap();
-    assert_eq!((told.kind, told.frames, told.step), ("results", Some(0), None));
-    assert_eq!(told.series, [("solver".to_string(), 1, 1)]);
-    assert!(told.to_json().get("hash").is_none());
+    let summary = inspect(&b).unwrap();
+    assert_eq!((summary.kind, summary.frames, summary.step), ("results", Some(0), None));
+    assert_eq!(summary.tables, [("solver".to_string(), 1, 1)]);
+    assert!(summary.to_json().get("hash").is_none());
 }
 
 #[test]

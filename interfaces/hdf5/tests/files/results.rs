@@ -8,7 +8,9 @@ use ballast::state::State;
 use ballast::workspace::Workspace;
 use ballast_hdf5::Error;
 use ballast_hdf5::export::export;
-use ballast_hdf5::results::{Background, BlockFrame, Meta, Reader, Writer};
+use ballast_hdf5::results::{
+    BackgroundWriter, BlockFrame, ResultsMetadata, ResultsReader, ResultsWriter,
+};
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -40,19 +42,23 @@ fn poses(model: &Model, state: &State) -> Vec<Pose> {
     (0..model.body_count()).map(|b| state.pose(b)).collect()
 }
 
-fn meta() -> Meta {
-    Meta { case_name: "Stück".into(), program: "test".into(), ..Meta::default() }
+fn meta() -> ResultsMetadata {
+    ResultsMetadata {
+        case_name: "Stück".into(),
+        program: "test".into(),
+        ..ResultsMetadata::default()
+    }
 }
 
-fn write_frames(path: &Path, frames: std::ops::Range<u64>) -> Writer {
+fn write_frames(path: &Path, frames: std::ops::Range<u64>) -> ResultsWriter {
     let model = scene::model();
-    let mut writer = Writer::create(path, &model, &meta()).unwrap();
-    writer.series("solver", &COLUMNS).unwrap();
+    let mut writer = ResultsWriter::create(path, &model, &meta()).unwrap();
+    writer.table("solver", &COLUMNS).unwrap();
     add_frames(&mut writer, &model, frames);
     writer
 }
 
-fn add_frames(writer: &mut Writer, model: &Model, frames: std::ops::Range<u64>) {
+fn add_frames(writer: &mut ResultsWriter, model: &Model, frames: std::ops::Range<u64>) {
     for f in frames {
         for step in 10 * f..10 * f + 10 {
             writer.append("solver", step, &[step as f64, 0.1 * step as f64]).unwrap();
@@ -67,11 +73,11 @@ fn frames_and_tables_come_back() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.h5");
     write_frames(&path, 0..4).close().unwrap();
-    let reader = Reader::open(&path).unwrap();
+    let reader = ResultsReader::open(&path).unwrap();
     assert_eq!(reader.steps(), [0, 10, 20, 30]);
     assert_eq!(reader.times().unwrap()[3], 3_000_000.0 * 1e-9);
     assert_eq!(reader.blocks().unwrap(), ["grains", "sleepers", "tines", "boundary", "contacts"]);
-    assert_eq!(reader.about("case_name").unwrap(), "Stück");
+    assert_eq!(reader.metadata("case_name").unwrap(), "Stück");
     let model = scene::model();
     let (state, _) = frame(&model, 2);
     assert_eq!(reader.poses(2).unwrap(), poses(&model, &state));
@@ -87,7 +93,7 @@ fn frames_and_tables_come_back() {
     assert!((of("load").values[6] - 10.0).abs() < 1e-5, "{}", of("load").values[6]);
     let contacts = reader.block("contacts", 3).unwrap();
     assert_eq!(contacts.points, [[0., 0., 0.], [0., 0., 1.], [0., 0., 2.]]);
-    let table = reader.series("solver").unwrap();
+    let table = reader.table("solver").unwrap();
     assert_eq!(table.columns[1], ("kinetic energy".into(), "J".into()));
     assert_eq!(table.steps, (0..40).collect::<Vec<u64>>());
     assert_eq!(table.rows[2 * 37 + 1], 0.1 * 37.0);
@@ -106,18 +112,18 @@ fn a_resumed_run_forgets_what_came_after_the_checkpoint() {
         let mut writer = if kept == 0 {
             // Before the first frame: the row of step 0 goes too.
             drop(write_frames(&path, 1..5));
-            Writer::append_to(&path, &model, 0).unwrap()
+            ResultsWriter::append_to(&path, &model, 0).unwrap()
         } else {
-            Writer::append_to(&path, &model, at_step).unwrap()
+            ResultsWriter::append_to(&path, &model, at_step).unwrap()
         };
         assert_eq!(writer.last_step(), kept.checked_sub(1).map(|k| 10 * k));
-        writer.series("solver", &COLUMNS).unwrap();
+        writer.table("solver", &COLUMNS).unwrap();
         add_frames(&mut writer, &model, kept..6);
         writer.close().unwrap();
-        let (a, b) = (Reader::open(&path).unwrap(), Reader::open(&whole).unwrap());
+        let (a, b) = (ResultsReader::open(&path).unwrap(), ResultsReader::open(&whole).unwrap());
         assert_eq!(a.steps(), b.steps(), "kept {kept}");
         assert_eq!(a.times().unwrap(), b.times().unwrap());
-        assert_eq!(a.series("solver").unwrap(), b.series("solver").unwrap());
+        assert_eq!(a.table("solver").unwrap(), b.table("solver").unwrap());
         for f in 0..6 {
             assert_eq!(a.poses(f).unwrap(), b.poses(f).unwrap());
             for block in b.blocks().unwrap() {
@@ -143,17 +149,17 @@ fn misuse_is_refused() {
     assert!(again.contains("expected a step after 10, found 10"), "{again}");
     assert!(told(writer.append("solver", 20, &[1.0])).contains("expected 2 values, found 1"));
     assert!(told(writer.append("solvr", 20, &[1.0])).contains("solvr"));
-    assert!(told(writer.series("solver", &[("x", "m")])).contains("iterations"));
-    assert!(told(writer.series("a/b", &[("x", "m")])).contains("a/b"));
+    assert!(told(writer.table("solver", &[("x", "m")])).contains("iterations"));
+    assert!(told(writer.table("a/b", &[("x", "m")])).contains("a/b"));
     writer.close().unwrap();
     model.grains.mass[0] *= 2.0;
-    let other = told(Writer::append_to(&path, &model, 10).map(drop));
+    let other = told(ResultsWriter::append_to(&path, &model, 10).map(drop));
     assert!(other.contains("bodies"), "{other}");
     assert!(matches!(
-        Writer::create(folder.path().join("no/r.h5"), &model, &meta()),
+        ResultsWriter::create(folder.path().join("no/r.h5"), &model, &meta()),
         Err(Error::Io { .. })
     ));
-    assert!(Reader::open(folder.path().join("none.h5")).is_err());
+    assert!(ResultsReader::open(folder.path().join("none.h5")).is_err());
 }
 
 /// SIGKILL at any moment: all frames that were reported are there, and the run can go on.
@@ -163,8 +169,8 @@ fn a_killed_run_leaves_its_frames() {
     const NAME: &str = "results::a_killed_run_leaves_its_frames";
     if let Ok(path) = std::env::var("BALLAST_TEST_KILLED") {
         let model = scene::model();
-        let mut writer = Writer::create(path, &model, &meta()).unwrap();
-        writer.series("solver", &COLUMNS).unwrap();
+        let mut writer = ResultsWriter::create(path, &model, &meta()).unwrap();
+        writer.table("solver", &COLUMNS).unwrap();
         for f in 0.. {
             let (state, workspace) = frame(&model, f);
             writer.append("solver", 10 * f, &[0.0, 0.0]).unwrap();
@@ -188,17 +194,17 @@ fn a_killed_run_leaves_its_frames() {
         std::thread::sleep(std::time::Duration::from_micros(137 * round as u64));
         child.kill().unwrap();
         child.wait().unwrap();
-        let reader = Reader::open(&path).unwrap();
+        let reader = ResultsReader::open(&path).unwrap();
         let frames = reader.steps().len();
         assert!(frames >= 3 + 5 * round, "{frames} frames in round {round}");
         reader.block("grains", frames - 1).unwrap();
         reader.block("contacts", frames - 1).unwrap();
         drop(reader);
         let model = scene::model();
-        let writer = Writer::append_to(&path, &model, 20).unwrap();
+        let writer = ResultsWriter::append_to(&path, &model, 20).unwrap();
         assert_eq!(writer.last_step(), Some(20));
         writer.close().unwrap();
-        assert_eq!(Reader::open(&path).unwrap().series("solver").unwrap().steps, [0, 10, 20]);
+        assert_eq!(ResultsReader::open(&path).unwrap().table("solver").unwrap().steps, [0, 10, 20]);
     }
 }
 
@@ -215,7 +221,7 @@ fn a_flush_that_was_cut_short_costs_no_frame_of_before_the_checkpoint() {
     let old = std::fs::read(&path).unwrap();
     add_frames(&mut writer, &model, 40..50);
     let new = std::fs::read(&path).unwrap();
-    let spare = std::fs::read(folder.path().join("results.h5.spare")).unwrap();
+    let spare = std::fs::read(folder.path().join("results.h5.index-backup")).unwrap();
     std::mem::forget(writer);
 
     let mut unreadable = 0;
@@ -224,14 +230,14 @@ fn a_flush_that_was_cut_short_costs_no_frame_of_before_the_checkpoint() {
         std::fs::write(&path, torn(&old, &new, round)).unwrap();
         let as_it_is = all_of(&path);
         unreadable += u32::from(as_it_is.is_none_or(|found| found[..40] != whole[..40]));
-        std::fs::write(folder.path().join(format!("torn{round}.h5.spare")), &spare).unwrap();
-        let mut writer = Writer::append_to(&path, &model, 395).unwrap();
+        std::fs::write(folder.path().join(format!("torn{round}.h5.index-backup")), &spare).unwrap();
+        let mut writer = ResultsWriter::append_to(&path, &model, 395).unwrap();
         assert_eq!(writer.last_step(), Some(390));
-        writer.series("solver", &COLUMNS).unwrap();
+        writer.table("solver", &COLUMNS).unwrap();
         add_frames(&mut writer, &model, 40..60);
         writer.close().unwrap();
         assert!(all_of(&path).unwrap() == whole, "round {round}");
-        assert!(!folder.path().join(format!("torn{round}.h5.spare")).exists());
+        assert!(!folder.path().join(format!("torn{round}.h5.index-backup")).exists());
     }
     assert!(unreadable > 0, "no file was torn where it hurts");
 }
@@ -255,7 +261,7 @@ fn torn(old: &[u8], new: &[u8], seed: u64) -> Vec<u8> {
 
 /// Every frame of a file: `None` if it cannot be read.
 fn all_of(path: &Path) -> Option<Vec<(Vec<Pose>, Vec<BlockFrame>)>> {
-    let reader = Reader::open(path).ok()?;
+    let reader = ResultsReader::open(path).ok()?;
     let blocks = reader.blocks().ok()?;
     let frame = |f: usize| -> Option<_> {
         let blocks = blocks.iter().map(|name| reader.block(name, f).ok()).collect::<Option<_>>()?;
@@ -271,12 +277,12 @@ fn a_damaged_copy_is_refused_and_nothing_changed() {
     let mut writer = write_frames(&path, 0..3);
     writer.secure().unwrap();
     std::mem::forget(writer);
-    let spare = folder.path().join("results.h5.spare");
+    let spare = folder.path().join("results.h5.index-backup");
     let (was, mut kept) = (std::fs::read(&path).unwrap(), std::fs::read(&spare).unwrap());
     *kept.last_mut().unwrap() ^= 1;
     std::fs::write(&spare, kept).unwrap();
-    let error = Writer::append_to(&path, &scene::model(), 20).unwrap_err().to_string();
-    assert!(error.contains("results.h5.spare: checksum"), "{error}");
+    let error = ResultsWriter::append_to(&path, &scene::model(), 20).unwrap_err().to_string();
+    assert!(error.contains("results.h5.index-backup: checksum"), "{error}");
     assert!(std::fs::read(&path).unwrap() == was);
 }
 
@@ -285,7 +291,7 @@ fn a_checkpoint_is_no_results_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.h5");
     ballast_hdf5::checkpoint::write(&path, &scene::checkpoint()).unwrap();
-    let told = Reader::open(&path).unwrap_err().to_string();
+    let told = ResultsReader::open(&path).unwrap_err().to_string();
     assert!(told.contains("expected ballast-results, found ballast-checkpoint"), "{told}");
 }
 
@@ -302,14 +308,14 @@ fn a_changed_byte_of_complete_results_is_noticed() {
     for at in (0..2000).chain((2000..content).step_by(997)).chain([content - 1, content + 40]) {
         damaged[at] ^= 1 << (at % 8);
         std::fs::write(&path, &damaged).unwrap();
-        let error = Reader::open(&path).expect_err("opened");
+        let error = ResultsReader::open(&path).expect_err("opened");
         let told = matches!(&error, Error::Damaged { place, .. } if place == "checksum");
         assert!(told, "byte {at}: {error}");
         damaged[at] = whole[at];
     }
     // Without the seal it is a file that is not complete.
     std::fs::write(&path, &whole[..content]).unwrap();
-    assert_eq!(Reader::open(&path).unwrap().steps(), [0, 10, 20]);
+    assert_eq!(ResultsReader::open(&path).unwrap().steps(), [0, 10, 20]);
 }
 
 /// Results that are not closed have no seal: the library reads them, and says what it finds.
@@ -318,14 +324,14 @@ fn rows_of_another_width_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("results.h5");
     write_frames(&path, 0..3).close().unwrap();
-    assert!(Reader::open(&path).unwrap().is_closed());
+    assert!(ResultsReader::open(&path).unwrap().is_closed());
     let mut whole = std::fs::read(&path).unwrap();
     whole.truncate(whole.len() - 512);
     let of_all = |path: &Path| -> ballast_hdf5::Result<()> {
-        let reader = Reader::open(path)?;
+        let reader = ResultsReader::open(path)?;
         assert!(!reader.is_closed());
         reader.times()?;
-        reader.series("solver")?;
+        reader.table("solver")?;
         for frame in 0..reader.steps().len() {
             reader.poses(frame)?;
             reader.blocks()?.iter().try_for_each(|b| reader.block(b, frame).map(drop))?;
@@ -337,8 +343,8 @@ fn rows_of_another_width_are_refused() {
     for (name, shape) in [
         ("frames/step", vec![3, 0]),
         ("frames/position", vec![3, 0]),
-        ("series/solver/step", vec![30, 0]),
-        ("series/solver/rows", vec![30, 1]),
+        ("tables/solver/step", vec![30, 0]),
+        ("tables/solver/rows", vec![30, 1]),
         ("VTKHDF/grains/Steps/Values", vec![3, 0]),
         ("VTKHDF/grains/NumberOfPoints", vec![3, 0]),
         ("VTKHDF/grains/CellData/speed", vec![27 * 6, 0]),
@@ -360,9 +366,9 @@ fn a_thread_writes_the_same_file() {
     let (path, direct) = (folder.path().join("thread.h5"), folder.path().join("direct.h5"));
     write_frames(&direct, 0..5).close().unwrap();
     let model = scene::model();
-    let writer = Writer::create(&path, &model, &meta()).unwrap();
-    let mut background = Background::new(writer, 2);
-    background.series("solver", &COLUMNS).unwrap();
+    let writer = ResultsWriter::create(&path, &model, &meta()).unwrap();
+    let mut background = BackgroundWriter::new(writer, 2);
+    background.table("solver", &COLUMNS).unwrap();
     for f in 0..5 {
         for step in 10 * f..10 * f + 10 {
             background.append("solver", step, &[step as f64, 0.1 * step as f64]).unwrap();
@@ -372,9 +378,9 @@ fn a_thread_writes_the_same_file() {
     }
     background.secure().unwrap();
     background.close().unwrap();
-    let (a, b) = (Reader::open(&path).unwrap(), Reader::open(&direct).unwrap());
+    let (a, b) = (ResultsReader::open(&path).unwrap(), ResultsReader::open(&direct).unwrap());
     assert_eq!(a.steps(), b.steps());
-    assert_eq!(a.series("solver").unwrap(), b.series("solver").unwrap());
+    assert_eq!(a.table("solver").unwrap(), b.table("solver").unwrap());
     assert_eq!(a.block("grains", 4).unwrap(), b.block("grains", 4).unwrap());
 }
 
@@ -382,8 +388,8 @@ fn a_thread_writes_the_same_file() {
 fn an_error_on_the_thread_reaches_the_caller() {
     let folder = tempfile::tempdir().unwrap();
     let model = scene::model();
-    let writer = Writer::create(folder.path().join("r.h5"), &model, &meta()).unwrap();
-    let mut background = Background::new(writer, 1);
+    let writer = ResultsWriter::create(folder.path().join("r.h5"), &model, &meta()).unwrap();
+    let mut background = BackgroundWriter::new(writer, 1);
     background.append("nothing", 0, &[1.0]).unwrap();
     let error = background.secure().unwrap_err();
     assert!(error.to_string().contains("nothing"), "{error}");
@@ -431,7 +437,7 @@ fn no_room_is_an_error_and_not_an_end() {
 #[cfg(unix)]
 fn meet_the_end_of_room(folder: &Path) {
     let (path, model) = (folder.join("results.h5"), scene::model());
-    let mut writer = Writer::create(&path, &model, &meta()).unwrap();
+    let mut writer = ResultsWriter::create(&path, &model, &meta()).unwrap();
     let (mut kept, mut last) = (0, 0);
     let mut write = |f: u64| {
         last = f;
@@ -448,12 +454,12 @@ fn meet_the_end_of_room(folder: &Path) {
     println!("refused at {last}: {error}");
     drop(writer);
     let elsewhere = tempfile::tempdir().unwrap();
-    let files = ["results.h5", "results.h5.spare"];
+    let files = ["results.h5", "results.h5.index-backup"];
     // Files that may not grow may not be copied either.
     let copied = files.map(|name| std::fs::copy(folder.join(name), elsewhere.path().join(name)));
     if copied.iter().all(|result| result.is_ok()) {
         let path = elsewhere.path().join(files[0]);
-        Writer::append_to(&path, &model, 10 * kept - 1).unwrap().close().unwrap();
+        ResultsWriter::append_to(&path, &model, 10 * kept - 1).unwrap().close().unwrap();
         all_are_whole(&path, &model, kept);
     }
     let other = elsewhere.path().join("checkpoint.h5");
@@ -463,7 +469,7 @@ fn meet_the_end_of_room(folder: &Path) {
 
 #[cfg(unix)]
 fn all_are_whole(path: &Path, model: &Model, count: u64) {
-    let reader = Reader::open(path).unwrap();
+    let reader = ResultsReader::open(path).unwrap();
     assert_eq!(reader.steps(), (0..count).map(|f| 10 * f).collect::<Vec<_>>());
     for f in 0..count {
         let (state, _) = frame(model, f);
@@ -562,8 +568,8 @@ fn exported_tables_are_plain_csv() {
 fn as_version_1(path: &Path) {
     use hdf5::types::VarLenUnicode;
     let names = ["format", "case_name", "case_text", "key", "program", "bodies_hash"];
-    let reader = Reader::open(path).unwrap();
-    let texts = names.map(|name| reader.about(name).unwrap());
+    let reader = ResultsReader::open(path).unwrap();
+    let texts = names.map(|name| reader.metadata(name).unwrap());
     let (_, driven) = reader.bodies().unwrap();
     drop(reader);
     let file = hdf5::File::open_rw(path).unwrap();
@@ -573,7 +579,7 @@ fn as_version_1(path: &Path) {
         let attribute = group.new_attr::<VarLenUnicode>().shape(texts.len()).create(name).unwrap();
         attribute.write_raw(&texts).unwrap();
     };
-    let (about, solver) = (file.group("about").unwrap(), file.group("series/solver").unwrap());
+    let (about, solver) = (file.group("metadata").unwrap(), file.group("tables/solver").unwrap());
     about.unlink("case_text").unwrap();
     about.attr("version").unwrap().write_scalar(&1_u32).unwrap();
     names.iter().zip(texts).for_each(|(name, text)| set(&about, name, &[text]));
@@ -590,31 +596,32 @@ fn nothing_lies_in_a_heap_and_files_where_it_did_are_read_and_go_on() {
     let has_heap = || std::fs::read(&path).unwrap().windows(4).any(|w| w == b"GCOL");
     drop(write_frames(&path, 0..3));
     assert!(!has_heap());
-    let of = |reader: &Reader| {
-        let about = ["case_name", "case_text", "key", "program"].map(|n| reader.about(n).unwrap());
-        (about, reader.bodies().unwrap(), reader.series("solver").unwrap())
+    let of = |reader: &ResultsReader| {
+        let about =
+            ["case_name", "case_text", "key", "program"].map(|n| reader.metadata(n).unwrap());
+        (about, reader.bodies().unwrap(), reader.table("solver").unwrap())
     };
-    let new = Reader::open(&path).unwrap();
+    let new = ResultsReader::open(&path).unwrap();
     let (told, version) = (of(&new), new.version());
     drop(new);
     as_version_1(&path);
     assert!(has_heap());
-    let old = Reader::open(&path).unwrap();
+    let old = ResultsReader::open(&path).unwrap();
     assert_eq!((of(&old), old.version(), version), (told, 1, 2));
     drop(old);
-    let mut writer = Writer::append_to(&path, &scene::model(), 20).unwrap();
-    writer.series("solver", &COLUMNS).unwrap();
+    let mut writer = ResultsWriter::append_to(&path, &scene::model(), 20).unwrap();
+    writer.table("solver", &COLUMNS).unwrap();
     add_frames(&mut writer, &scene::model(), 3..4);
     writer.close().unwrap();
-    assert_eq!(Reader::open(&path).unwrap().steps(), [0, 10, 20, 30]);
+    assert_eq!(ResultsReader::open(&path).unwrap().steps(), [0, 10, 20, 30]);
     // A heap in a file that has none is damage.
     let path = folder.path().join("other.h5");
     drop(write_frames(&path, 0..1));
     as_version_1(&path);
     let file = hdf5::File::open_rw(&path).unwrap();
-    file.group("about").unwrap().attr("version").unwrap().write_scalar(&2_u32).unwrap();
+    file.group("metadata").unwrap().attr("version").unwrap().write_scalar(&2_u32).unwrap();
     drop(file);
-    let said = Reader::open(&path).unwrap_err().to_string();
+    let said = ResultsReader::open(&path).unwrap_err().to_string();
     assert!(said.contains("expected texts of up to"), "{said}");
 }
 
@@ -624,10 +631,10 @@ fn tables_may_have_many_columns_with_long_names() {
     let path = folder.path().join("results.h5");
     let names: Vec<String> = (0..2000).map(|i| format!("{i}{}", "ü".repeat(60))).collect();
     let columns: Vec<(&str, &str)> = names.iter().map(|name| (&name[..], "")).collect();
-    let mut writer = Writer::create(&path, &scene::model(), &meta()).unwrap();
-    writer.series("wide", &columns).unwrap();
+    let mut writer = ResultsWriter::create(&path, &scene::model(), &meta()).unwrap();
+    writer.table("wide", &columns).unwrap();
     writer.close().unwrap();
-    let told = Reader::open(&path).unwrap().series("wide").unwrap().columns;
+    let told = ResultsReader::open(&path).unwrap().table("wide").unwrap().columns;
     assert!(told.iter().map(|(name, unit)| (&name[..], &unit[..])).eq(columns));
 }
 

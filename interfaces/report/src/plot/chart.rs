@@ -149,7 +149,12 @@ impl Chart {
     pub fn with_error_bars(mut self, name: &str, bars: &[[f64; 3]]) -> Self {
         let points = bars.iter().map(|b| [b[0], b[1]]).collect();
         let reach = bars.iter().map(|b| b[2]).collect();
-        self.series.push(ChartSeries { name: name.into(), points, reach, style: SeriesStyle::Dots });
+        self.series.push(ChartSeries {
+            name: name.into(),
+            points,
+            reach,
+            style: SeriesStyle::Dots,
+        });
         self
     }
 

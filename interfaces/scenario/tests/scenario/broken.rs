@@ -122,7 +122,7 @@ const TABLE: &[Broken] = &[
         "«[{ size_m = 0.025, number_fraction = 0.5",
         &["sum to 1", "0.8"],
     ),
-    Broken("[8, 40]", "«[40, 8]", &["upside down", "write [8, 40]"]),
+    Broken("[8, 40]", "«[40, 8]", &["above its maximum", "write [8, 40]"]),
     Broken("vertices = [8, 40]", "elongation = «[0.95, 0.1]", &["grain shapes", "1.050"]),
     Broken("vertices = [8, 40]", "shape_count = «1", &["fewer shapes", "at least 2"]),
     Broken("[0.60, 0.70, 0.45]", "«[600, 700, 450]", &["too large", "grains", "metres"]),
@@ -133,8 +133,8 @@ const TABLE: &[Broken] = &[
     ),
     // Flat stones are wider than the sphere of their volume: by the cube root of 10 at a flatness of 0.1.
     Broken(
-        "size_m = [0.60, 0.70, 0.45]\nballast_depth_m = 0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]",
-        "size_m = «[0.10, 0.70, 0.45]\nballast_depth_m = 0.28\n\n[bed.grains]\n\
+        "size_m = [0.60, 0.70, 0.45]\nsleeper_underside_z_m = 0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]",
+        "size_m = «[0.10, 0.70, 0.45]\nsleeper_underside_z_m = 0.28\n\n[bed.grains]\n\
          elongation = [1.0, 0.0]\nflatness = [0.1, 0.0]",
         &["too small for one grain", "the longest grain, 0.108 m"],
     ),
@@ -145,9 +145,9 @@ const TABLE: &[Broken] = &[
         &["the fill is too small for one grain", "the size of a grain, 0.050 m"],
     ),
     Broken(
-        "size_m = [0.60, 0.70, 0.45]\nballast_depth_m = 0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]\n\
+        "size_m = [0.60, 0.70, 0.45]\nsleeper_underside_z_m = 0.28\ndensity_kg_per_m3 = 2700\n\n[bed.grains]\n\
          classes = [{ size_m = 0.025,",
-        "size_m = «[0.60, 0.70, 0.45]\nballast_depth_m = 0.28\n\n[bed.grains]\n\
+        "size_m = «[0.60, 0.70, 0.45]\nsleeper_underside_z_m = 0.28\n\n[bed.grains]\n\
          classes = [{ size_m = 0.0005,",
         &["too wide for its smallest grains", "grains of 0.0005 m", "1.020e6 times the square"],
     ),
@@ -156,8 +156,8 @@ const TABLE: &[Broken] = &[
     Broken("step_s = 1e-3", "step_s = 1e-3\nfill_level_m = «0.2", &["fill level", "0.28 m"]),
     Broken("step_s = 1e-3", "step_s = «0.2", &["too large for pouring", "1 m/s"]),
     // Sleepers and tines.
-    Broken("tamped = [1]", "tamped = [«2]", &["no sleeper of this number", "from 1 to 1"]),
-    Broken("tamped = [1]", "tamped = [1, «1]", &["named twice"]),
+    Broken("tamped = [1]", "tamped = [«2]", &["no sleeper has this number", "from 1 to 1"]),
+    Broken("tamped = [1]", "tamped = [1, «1]", &["listed twice"]),
     Broken("tamped = [1]", "tamped = «[]", &["need a tamped sleeper"]),
     Broken("[sleepers]", "[«sleepers]\ncount = 2", &["missing key `pitch_m`"]),
     Broken("[sleepers]", "[sleepers]\nfirst_x_m = «0.1", &["outside the box", "0.1000 m"]),
@@ -177,7 +177,7 @@ const TABLE: &[Broken] = &[
         &["leaves the box", "vibration and squeeze", "35.1040 m", "between 0 and 0.6 m"],
     ),
     Broken("amplitude_m = 0.005", "amplitude_m = «3", &["leaves the box", "with its vibration"]),
-    Broken("= 0.06", "= «0.003", &["goes down into `sleeper_1`"]),
+    Broken("= 0.06", "= «0.003", &["is inserted into `sleeper_1`"]),
     Broken(
         "amplitude_m = 0.005",
         "amplitude_m = «0.06",
@@ -187,13 +187,13 @@ const TABLE: &[Broken] = &[
     // At the end of the squeeze they are past each other.
     Broken(
         "[tamping]",
-        "[[tine]]\nname = \"a\"\nx_m = 0.10\ny_m = 0.07\ntowards = \"+x\"\npair = 8\n\
-         [[tine]]\nname = \"b\"\nx_m = «0.155\ny_m = 0.07\ntowards = \"-x\"\npair = 9\n[tamping]",
+        "[[tine]]\nname = \"a\"\nx_m = 0.10\ny_m = 0.07\nsqueeze_direction = \"+x\"\npair = 8\n\
+         [[tine]]\nname = \"b\"\nx_m = «0.155\ny_m = 0.07\nsqueeze_direction = \"-x\"\npair = 9\n[tamping]",
         &["drives `b` and `a` into each other", "gap of 0.0150 m", "at least 0.1000 m"],
     ),
     Broken(
         "[tamping]",
-        "[[tine]]\nname = \"a b\"\nx_m = 0.08\ny_m = 0.05\ntowards = «\"x\"\npair = 9\n[tamping]",
+        "[[tine]]\nname = \"a b\"\nx_m = 0.08\ny_m = 0.05\nsqueeze_direction = «\"x\"\npair = 9\n[tamping]",
         &["unknown value", "\"+x\", \"-x\""],
     ),
     Broken(

@@ -135,7 +135,7 @@ fn single_sleepers_and_tines_add_to_the_rows() {
         "[tamping]",
         "[[sleeper]]\nname = \"short\"\nx_m = 0.3\ny_m = 0.06\n\
          blocks = [{ size_m = [0.1, 0.1, 0.1] }]\n\
-         [[tine]]\nname = \"lone\"\nx_m = 0.3\ny_m = 0.63\ntowards = \"-x\"\npair = 7\n[tamping]",
+         [[tine]]\nname = \"lone\"\nx_m = 0.3\ny_m = 0.63\nsqueeze_direction = \"-x\"\npair = 7\n[tamping]",
     );
     let plan = plan(&text);
     assert_eq!(plan.sleepers[1].name, "short");
@@ -147,7 +147,7 @@ fn single_sleepers_and_tines_add_to_the_rows() {
 
 #[test]
 fn absent_keys_have_the_documented_defaults() {
-    let text = "name = \"x\"\n[bed]\nsize_m = [1, 1, 1]\nballast_depth_m = 0.3\n\
+    let text = "name = \"x\"\n[bed]\nsize_m = [1, 1, 1]\nsleeper_underside_z_m = 0.3\n\
                 [run]\nduration_s = 0.1\n";
     let plan = plan(text);
     assert_eq!(plan.bed.seed, 1);
@@ -201,7 +201,7 @@ fn the_force_limit_may_be_infinite() {
 fn tines_that_squeeze_away_from_each_other_are_valid() {
     let tine = |name: &str, x: f64, towards: &str, pair: u32| {
         format!(
-            "[[tine]]\nname = \"{name}\"\nx_m = {x}\ny_m = 0.07\ntowards = \"{towards}\"\npair = {pair}\n"
+            "[[tine]]\nname = \"{name}\"\nx_m = {x}\ny_m = 0.07\nsqueeze_direction = \"{towards}\"\npair = {pair}\n"
         )
     };
     let both = tine("a", 0.10, "-x", 8) + &tine("b", 0.155, "+x", 9);
@@ -213,7 +213,7 @@ fn pairs_that_do_not_face_each_other_give_a_warning() {
     let warnings = |towards: [&str; 2]| {
         let tine = |name: &str, x: f64, towards: &str| {
             format!(
-                "[[tine]]\nname = \"{name}\"\nx_m = {x}\ny_m = 0.07\ntowards = \"{towards}\"\npair = 8\n"
+                "[[tine]]\nname = \"{name}\"\nx_m = {x}\ny_m = 0.07\nsqueeze_direction = \"{towards}\"\npair = 8\n"
             )
         };
         let both = tine("a", 0.10, towards[0]) + &tine("b", 0.40, towards[1]);
@@ -246,7 +246,7 @@ fn flat_grains_are_as_many_as_others_of_their_size() {
 fn implausible_values_give_a_warning() {
     for (from, to, words) in [
         ("duration_s = 0.45", "duration_s = 0.2", "insertion is faster"),
-        ("restitution = 0", "detection_distance_m = 0.01", "kept from very far"),
+        ("restitution = 0", "detection_distance_m = 0.01", "detected from very far"),
         ("\"synchronous\"", "\"sequential\"", "`partition` has no effect"),
         ("1.666e-4", "0\nnorm = \"quad\"", "`norm` has no effect"),
         ("1.666e-4", "0\nacceleration = \"nncg\"", "`acceleration` has no effect"),
@@ -272,8 +272,8 @@ fn implausible_values_give_a_warning() {
         ),
         ("= 0.06", "= 0.06\nmount = { stiffness_N_per_m = 745 }", "`tine_1_plus` is too soft"),
         ("force_limit_N = 7800", "force_limit_N = 7.8", "limits are in N"),
-        ("0.45, depth_m", "0.45, force_limit_N = 5, depth_m", "the insertion waits as soon as"),
-        ("0.45, depth_m", "0.45, clearance_m = 0.016, depth_m", "may begin among grains"),
+        ("0.45, depth_m", "0.45, force_limit_N = 5, depth_m", "the insertion pauses as soon as"),
+        ("0.45, depth_m", "0.45, clearance_m = 0.016, depth_m", "may start among grains"),
     ] {
         let case = read_case(&changed(from, to), "case.toml").unwrap_or_else(|e| panic!("{e}"));
         let text: Vec<String> = case.warnings.iter().map(|w| w.to_string()).collect();

@@ -120,7 +120,9 @@ fn each_body_is_counted_once() {
         |text: &str| read_case(text, "many.toml").expect_err("they overlap").to_string();
     // A row and single tines, without tines beside the row: before all pairs are compared.
     let tine = |i: usize| {
-        format!("[[tine]]\nname = \"t{i}\"\nx_m = 0.1\ny_m = 0.1\ntowards = \"+x\"\npair = {i}\n")
+        format!(
+            "[[tine]]\nname = \"t{i}\"\nx_m = 0.1\ny_m = 0.1\nsqueeze_direction = \"+x\"\npair = {i}\n"
+        )
     };
     let (before, after) = BASE.split_once("[tines]").expect("there are tines");
     let (_, after) = after.split_once("[tamping]").expect("and a machine");

@@ -9,7 +9,7 @@ use ballast::workspace::Workspace;
 
 /// One frame, before its vertices are computed.
 #[derive(Debug, Clone)]
-pub struct Snapshot {
+pub struct FrameData {
     pub(crate) step: u64,
     pub(crate) time: f64,
     /// `[nb]`.
@@ -25,7 +25,7 @@ pub struct Snapshot {
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ContactCloud {
     pub point: Vec<[f32; 3]>,
-    /// On the candidate, mean over the step, N.
+    /// FieldLocation the candidate, mean over the step, N.
     pub force: Vec<[f32; 3]>,
     /// Component along the normal, N.
     pub normal_force: Vec<f32>,
@@ -37,7 +37,7 @@ pub(crate) struct ContactCloud {
     pub antagonist: Vec<i32>,
 }
 
-impl Snapshot {
+impl FrameData {
     /// Takes a frame after a step; contacts are those of `workspace`, none before the first step.
     pub fn take(model: &Model, state: &State, workspace: &Workspace) -> Self {
         let nb = model.body_count().min(state.position.len());

@@ -14,20 +14,20 @@ use std::fs;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-const FORMAT: Format = Format { name: "ballast-results-spare", version: 1 };
+const FORMAT: Format = Format { name: "ballast-results-index-backup", version: 1 };
 /// Groups within groups: ours are three deep, and a link that leads back up would never end.
-const DEEPEST: u32 = 8;
+const MAX_DEPTH: u32 = 8;
 
 /// Where chunks of compressed data lie in the file: address and size in bytes, by dataset.
 #[derive(Debug, Default)]
-pub(crate) struct Spare {
+pub(crate) struct IndexBackup {
     chunks: BTreeMap<String, Vec<[u64; 2]>>,
 }
 
-impl Spare {
+impl IndexBackup {
     /// Keeps what `file`, at `path` and flushed, is now.
     pub fn keep(&mut self, path: &Path, file: &File) -> Result<()> {
-        self.find(file, DEEPEST).map_err(hdf5_error(path, "chunks"))?;
+        self.find(file, MAX_DEPTH).map_err(hdf5_error(path, "chunks"))?;
         let mut source = fs::File::open(path).map_err(io(path, "open"))?;
         // What the copy refers to has to outlast the machine as well as the program.
         source.sync_all().map_err(io(path, "bring to the disk"))?;
@@ -126,6 +126,6 @@ fn number(bytes: &[u8]) -> Option<(u64, &[u8])> {
 
 fn beside(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_os_string();
-    name.push(".spare");
+    name.push(".index-backup");
     name.into()
 }

@@ -1,4 +1,4 @@
-//! Tables of numbers over the steps: `/series/NAME/{step, rows}`.
+//! Tables of numbers over the steps: `/tables/NAME/{step, rows}`.
 //!
 //! `rows` is `[n, columns]`, f64; its group's attributes `columns` and `units` name the columns.
 
@@ -13,13 +13,13 @@ const ROWS: usize = 1024;
 
 /// A table with the rows that are not yet in the file.
 #[derive(Debug)]
-pub(crate) struct Buffer {
+pub(crate) struct TableBuffer {
     columns: Vec<(String, String)>,
     steps: Vec<u64>,
     rows: Vec<f64>,
 }
 
-impl Buffer {
+impl TableBuffer {
     pub fn create(parent: &Group, name: &str, columns: &[(&str, &str)]) -> Result<Self> {
         let group = make_group(parent, name)?;
         let (names, units): (Vec<&str>, Vec<&str>) = columns.iter().copied().unzip();

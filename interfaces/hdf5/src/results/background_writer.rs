@@ -1,9 +1,9 @@
 //! Results written by a thread of their own, while the simulation goes on.
 //!
-//! Contract: the same file as [`Writer`] makes; at most `frames` frames wait in memory, then the
+//! Contract: the same file as [`ResultsWriter`] makes; at most `frames` frames wait in memory, then the
 //! simulation waits; the first error stops writing and is returned by the next call.
 
-use super::{Snapshot, Writer};
+use super::{FrameData, ResultsWriter};
 use crate::error::{Error, Result};
 use ballast::model::Model;
 use ballast::state::State;
@@ -12,51 +12,51 @@ use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread::JoinHandle;
 
-enum Message {
-    Frame(Box<Snapshot>),
+enum WriterCommand {
+    Frame(Box<FrameData>),
     Series(String, Vec<(String, String)>),
     Row(String, u64, Vec<f64>),
     Secure(SyncSender<()>),
 }
 
-/// A [`Writer`] on its own thread.
+/// A [`ResultsWriter`] on its own thread.
 #[derive(Debug)]
-pub struct Background {
+pub struct BackgroundWriter {
     path: PathBuf,
     /// `None` once writing has ended.
-    sender: Option<SyncSender<Message>>,
+    sender: Option<SyncSender<WriterCommand>>,
     thread: Option<JoinHandle<Result<()>>>,
 }
 
-impl Background {
+impl BackgroundWriter {
     /// Moves `writer` to a thread; up to `waiting` frames and rows wait for it, at least one.
-    pub fn new(writer: Writer, waiting: usize) -> Self {
+    pub fn new(writer: ResultsWriter, waiting: usize) -> Self {
         let path = writer.path().to_path_buf();
         let (sender, receiver) = sync_channel(waiting.max(1));
         let thread = std::thread::spawn(move || serve(writer, receiver));
         Self { path, sender: Some(sender), thread: Some(thread) }
     }
 
-    /// Takes a frame and hands it over; see [`Writer::frame`].
+    /// Takes a frame and hands it over; see [`ResultsWriter::frame`].
     pub fn frame(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result<()> {
-        self.send(Message::Frame(Box::new(Snapshot::take(model, state, workspace))))
+        self.send(WriterCommand::Frame(Box::new(FrameData::take(model, state, workspace))))
     }
 
-    /// See [`Writer::series`].
-    pub fn series(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
+    /// See [`ResultsWriter::table`].
+    pub fn table(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
         let columns = columns.iter().map(|(n, u)| (n.to_string(), u.to_string())).collect();
-        self.send(Message::Series(name.into(), columns))
+        self.send(WriterCommand::Series(name.into(), columns))
     }
 
-    /// See [`Writer::append`].
+    /// See [`ResultsWriter::append`].
     pub fn append(&mut self, name: &str, step: u64, row: &[f64]) -> Result<()> {
-        self.send(Message::Row(name.into(), step, row.to_vec()))
+        self.send(WriterCommand::Row(name.into(), step, row.to_vec()))
     }
 
-    /// See [`Writer::secure`]; returns when it is done.
+    /// See [`ResultsWriter::secure`]; returns when it is done.
     pub fn secure(&mut self) -> Result<()> {
         let (done, wait) = sync_channel(1);
-        self.send(Message::Secure(done))?;
+        self.send(WriterCommand::Secure(done))?;
         match wait.recv() {
             Ok(()) => Ok(()),
             Err(_) => Err(self.end()),
@@ -69,7 +69,7 @@ impl Background {
         self.join()
     }
 
-    fn send(&mut self, message: Message) -> Result<()> {
+    fn send(&mut self, message: WriterCommand) -> Result<()> {
         let sent = self.sender.as_ref().is_some_and(|sender| sender.send(message).is_ok());
         if sent { Ok(()) } else { Err(self.end()) }
     }
@@ -89,7 +89,7 @@ impl Background {
     }
 }
 
-impl Drop for Background {
+impl Drop for BackgroundWriter {
     /// What was handed over is written, also when an error elsewhere ends the run.
     fn drop(&mut self) {
         self.sender = None;
@@ -99,16 +99,16 @@ impl Drop for Background {
     }
 }
 
-fn serve(mut writer: Writer, receiver: Receiver<Message>) -> Result<()> {
+fn serve(mut writer: ResultsWriter, receiver: Receiver<WriterCommand>) -> Result<()> {
     for message in receiver {
         match message {
-            Message::Frame(frame) => writer.write(&frame)?,
-            Message::Series(name, columns) => {
+            WriterCommand::Frame(frame) => writer.write(&frame)?,
+            WriterCommand::Series(name, columns) => {
                 let columns: Vec<_> = columns.iter().map(|(n, u)| (&n[..], &u[..])).collect();
-                writer.series(&name, &columns)?;
+                writer.table(&name, &columns)?;
             }
-            Message::Row(name, step, row) => writer.append(&name, step, &row)?,
-            Message::Secure(done) => {
+            WriterCommand::Row(name, step, row) => writer.append(&name, step, &row)?,
+            WriterCommand::Secure(done) => {
                 writer.secure()?;
                 // The other side may have given up waiting.
                 let _ = done.send(());
