@@ -184,7 +184,7 @@ fn a_long_loop_keeps_its_course_with_fewer_points() {
 }
 
 #[test]
-fn what_is_written_down_goes_on_as_if_never_interrupted() {
+fn a_restored_meter_continues_as_if_never_interrupted() {
     let mut whole = SqueezeMeter::new(rule(PERIOD));
     let mut broken = whole.clone();
     for i in 0..700 {
@@ -243,7 +243,7 @@ fn numbers_are_kept_in_their_order() {
 }
 
 #[test]
-fn what_does_not_fit_is_refused() {
+fn unusable_rules_are_refused() {
     let rule = |tines: PairTines, period| {
         SqueezeRule::new(vec![SqueezePair { name: "p".into(), tines }], period).is_err()
     };

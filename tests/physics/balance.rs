@@ -127,7 +127,7 @@ fn missed_by_the_ledger(step_ns: u64) -> f64 {
 }
 
 #[test]
-fn what_the_ledger_misses_of_spinning_stones_falls_with_the_square_of_the_step() {
+fn the_energy_error_of_rotating_grains_falls_with_the_square_of_the_step() {
     let missed = [400_000, 200_000, 100_000].map(missed_by_the_ledger);
     for pair in missed.windows(2) {
         assert!(pair[1] < 0.4 * pair[0], "{missed:?}");

@@ -281,7 +281,7 @@ fn turned_about_a_corner() -> (Scene, Vec3) {
 }
 
 #[test]
-fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
+fn a_body_that_stops_rotating_keeps_the_momentum_of_its_centre_of_mass() {
     let (mut scene, centre) = turned_about_a_corner();
     let speed = |scene: &Scene| {
         let arm = scene.state.orientation[0] * centre;
@@ -305,7 +305,7 @@ fn who_stops_turning_keeps_the_momentum_of_the_centre_of_mass() {
 
 /// A stone at the centre of mass of a body that stops turning sees nothing of it: not in restitution, nor in the ledger.
 #[test]
-fn who_stops_turning_begins_the_step_with_its_centre_of_mass_as_it_was() {
+fn a_body_that_stops_rotating_starts_the_step_with_its_centre_of_mass_unchanged() {
     let (mut scene, centre) = turned_about_a_corner();
     for turn in [1e-3, 1e-3, 0.0] {
         let before = (scene.state.velocity[0], scene.state.angular_velocity[0]);
@@ -323,7 +323,7 @@ fn who_stops_turning_begins_the_step_with_its_centre_of_mass_as_it_was() {
 
 /// Held, a direction moves with the velocity of the step throughout: that is what its forces do work on.
 #[test]
-fn what_is_held_does_the_work_of_its_force_along_its_way() {
+fn a_prescribed_body_does_the_work_of_its_force_along_its_path() {
     let spring = DofMode::Spring { stiffness: 1e6, damping: 1e3 };
     for mounted in [false, true] {
         let mut scene = Scene::new(1_000_000, 0.0);

@@ -55,7 +55,7 @@ fn a_stack_that_overlaps_comes_apart_at_the_asked_rate_and_stays_at_rest() {
 }
 
 #[test]
-fn who_is_in_the_way_makes_room_and_is_not_pressed_in() {
+fn neighbours_are_displaced_without_new_penetration() {
     // The first overlaps the second, and the others touch in a row.
     for schedule in SCHEDULES {
         let row = [0.0, 0.099, 0.199, 0.299].map(|x| [x, 0.0, 0.05]);
@@ -76,7 +76,7 @@ fn who_is_in_the_way_makes_room_and_is_not_pressed_in() {
 }
 
 #[test]
-fn what_is_allowed_is_left_to_the_bit() {
+fn penetration_within_the_slop_keeps_its_bits() {
     let run = |recovery: bool| {
         // One lies in the floor and under another, as deep as is allowed; one falls and spins.
         let low = 0.05 - 0.9 * ALLOWED;

@@ -1,4 +1,4 @@
-//! The same bytes on every kind of processor and system; so what moves the scene is no sine of the system either.
+//! Identical bytes on every kind of processor and system; the scene's motion uses no system sine either.
 
 use crate::bits;
 use crate::common::heap;
@@ -6,7 +6,7 @@ use crate::common::scene::Random;
 use ballast::math::{Pose, Vec3, rotation};
 use ballast::model::{PenetrationCorrection, Schedule};
 
-/// What every machine makes of the heap, after each 100 steps. A change of results changes them.
+/// Hashes of the heap after each 100 steps, equal on every machine. A change of results changes them.
 const SUMS: [[u64; 6]; 2] = [
     [
         0xa562_a1f2_a3c7_9c88,
@@ -26,7 +26,7 @@ const SUMS: [[u64; 6]; 2] = [
     ],
 ];
 
-/// Of the bits of rotations up to half a turn and back.
+/// Hash of the bits of rotations up to half a turn and back.
 const ROTATIONS: u64 = 0x8b55_dcae_f775_afb6;
 
 fn mix(sum: u64, x: u64) -> u64 {

@@ -18,7 +18,7 @@ fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     pool.install(work)
 }
 
-/// Every number of the state, bit by bit; unlike `==` it tells 0 from -0 and compares NaN.
+/// Returns the bits of every number of the state; unlike `==` they distinguish 0 from -0 and compare NaN.
 fn bits(state: &State) -> Vec<u64> {
     let mut bits = vec![state.step, state.time_ns];
     let mut add = |x: f64| bits.push(x.to_bits());

@@ -14,7 +14,7 @@ fn heap_in_contact() -> Scene {
     scene
 }
 
-/// Spoils a scene, and tells whether the error is the right one.
+/// Spoils a scene, and checks the error.
 type Spoiling = (&'static str, fn(&mut Scene), fn(&Error) -> bool);
 
 const SPOILINGS: [Spoiling; 7] = [
@@ -76,7 +76,7 @@ fn a_good_step_after_a_refused_one_is_as_if_nothing_had_been() {
 }
 
 #[test]
-fn a_number_that_is_none_is_told_with_the_grain() {
+fn nan_is_reported_with_its_grain() {
     type Injection = (&'static str, fn(&mut Scene, usize));
     let injections: [Injection; 4] = [
         ("position", |s, g| s.state.position[g].y = f64::NAN),
@@ -92,15 +92,15 @@ fn a_number_that_is_none_is_told_with_the_grain() {
         for (what, inject) in injections {
             let mut scene = heap_in_contact();
             inject(&mut scene, grain);
-            let told = scene.try_step().expect_err(what).to_string();
+            let message = scene.try_step().expect_err(what).to_string();
             // Not a neighbour that the solver would have spoilt next.
-            assert!(told.contains(&format!("grain {grain}:")), "{what} of grain {grain}: {told}");
+            assert!(message.contains(&format!("grain {grain}:")), "{what} of grain {grain}: {message}");
         }
     }
 }
 
 #[test]
-fn what_kernels_cannot_hold_is_refused_by_name() {
+fn values_out_of_the_range_of_f32_are_refused_by_name() {
     type Change = (&'static str, fn(&mut Scene));
     let changes: [Change; 8] = [
         ("grain_friction", |s| s.model.grain_friction = 1e39),
@@ -130,7 +130,7 @@ fn what_kernels_cannot_hold_is_refused_by_name() {
     for (place, change) in changes {
         let mut scene = heap_in_contact();
         change(&mut scene);
-        let told = scene.model.check().expect_err(place).to_string();
-        assert!(told.contains(place), "{place}: {told}");
+        let message = scene.model.check().expect_err(place).to_string();
+        assert!(message.contains(place), "{place}: {message}");
     }
 }

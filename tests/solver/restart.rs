@@ -11,7 +11,7 @@ fn heap_of(schedule: ballast::model::Schedule) -> Scene {
 }
 
 #[test]
-fn a_clone_with_a_fresh_workspace_goes_on_with_the_same_bytes() {
+fn a_clone_with_a_fresh_workspace_continues_with_the_same_bytes() {
     for schedule in SCHEDULES {
         // One thread: there even the asynchronous order is fixed.
         on_threads(1, || {

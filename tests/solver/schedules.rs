@@ -1,4 +1,4 @@
-//! What the schedules must have in common.
+//! Common properties of the schedules.
 
 use crate::common::heap;
 use crate::common::scene::{Random, SCHEDULES, Scene, tight};

@@ -1,4 +1,4 @@
-//! The same bytes for any number of threads, schedule by schedule.
+//! Identical bytes for any number of threads, schedule by schedule.
 
 use crate::common::heap;
 use crate::{bits, on_threads};

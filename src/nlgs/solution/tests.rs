@@ -85,7 +85,7 @@ fn tower(n: usize) -> AssembledProblem {
 }
 
 #[test]
-fn what_sweeps_solve_slowly_the_other_methods_solve_with_fewer() {
+fn slow_problems_need_fewer_sweeps_with_the_other_methods() {
     let problem = tower(40);
     let sweeps = |method| {
         let solution =
