@@ -79,7 +79,7 @@ fn time_keeps_its_pace_and_the_latency() {
     assert_eq!(run.work(3 * MS), NextAction::WaitForSamples);
     let status = run.status(3 * MS);
     assert_eq!(status.state, ComponentState::WaitingForInput);
-    assert_eq!(status.waiting_for.as_deref(), Some("input of floor from driver"));
+    assert_eq!(status.waiting_for.as_deref(), Some("samples of floor from driver"));
     assert_eq!(status.waiting_since_ms, Some(3));
     // From 10 ms on a sample per 2 ms of wall time, 1 ms of the sender's clock, which begins anywhere.
     let begin = 7_000_000_000_000;

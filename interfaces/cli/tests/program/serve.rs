@@ -499,7 +499,7 @@ fn a_served_component_is_described_watched_and_examined() {
     assert!(well.contains("bed prepared") && well.contains("window 2"), "{well}");
     // The port is taken now: by doctor's word and by serve's.
     let ill = place.with_beds(&format!("doctor --listen {endpoint}")).with_code(1).stdout();
-    assert!(ill.contains("WRONG") && ill.contains(&endpoint), "{ill}");
+    assert!(ill.contains("FAILED") && ill.contains(&endpoint), "{ill}");
     let taken =
         place.with_beds(&format!("serve tiny.toml --key {KEY} --listen {endpoint} --out t"));
     assert!(taken.with_code(4).stderr().contains(&endpoint));

@@ -35,7 +35,7 @@ fn a_deadline_ends_a_window_as_it_asks() {
         let code = if policy == DeadlinePolicy::Finish { "" } else { "deadline" };
         assert_eq!(reply.code, code);
         assert_eq!(
-            reply.message.contains(&format!("{steps} are kept")),
+            reply.message.contains(&format!("{steps} steps are kept")),
             !code.is_empty(),
             "{reply:?}"
         );

@@ -307,7 +307,7 @@ fn a_restore_that_was_not_answered_is_asked_for_again_before_anything_goes_on() 
     proxy.restore();
     for _ in 0..2 {
         let error = step(&mut client).unwrap_err();
-        assert!(error.to_string().contains("restore may have led elsewhere"), "{error}");
+        assert!(error.to_string().contains("`restore` without a reply"), "{error}");
         assert!(matches!(error, Error::Diverged { .. }));
     }
     let begin = Instant::now();

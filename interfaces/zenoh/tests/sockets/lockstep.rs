@@ -237,7 +237,7 @@ fn a_deadline_ends_a_window_and_a_late_reply_is_asked_for_again() {
             Ok(reply) => break reply,
             Err(error @ Error::Timeout { .. }) => {
                 late += 1;
-                assert!(error.to_string().contains("is there"), "{error}");
+                assert!(error.to_string().contains("is alive"), "{error}");
                 is_let_go.store(true, Ordering::SeqCst);
             }
             Err(error) => panic!("{error}"),

@@ -62,7 +62,7 @@ fn time_runs_starves_goes_on_and_stops_and_can_be_computed_again() {
     let mut client = served.client();
     client.start_real_time(&slowly()).unwrap();
     let status = wait_for(|| client.status(), ComponentState::WaitingForInput);
-    let who = format!("input of floor from {}", client.id());
+    let who = format!("samples of floor from {}", client.id());
     assert_eq!((status.waiting_for, status.position.now_ns), (Some(who), 0));
     // What is not the owner's, or no motion, is not heard.
     let stranger = Stranger::at(&served.link());
