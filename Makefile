@@ -47,9 +47,8 @@ documentation: setup
 docs: export BALLAST_WRITE_DOCS = 1
 docs: setup
 	cargo test --release --locked -p ballast-scenario --lib reference
-	cargo test --release --locked -p ballast-tidy reference
-	cargo test --release --locked -p ballast-cli --bin ballast reference
 	cargo test --release --locked -p ballast-cli --test program reference
+	cargo test --release --locked -p ballast-tidy reference
 	python3 bindings/python/tests/test_reference.py
 
 book:

@@ -9,7 +9,7 @@ mod language;
 mod layers;
 mod links;
 mod manifests;
-mod message_reference;
+mod reference_pages;
 mod rust_text;
 mod tree;
 mod words;

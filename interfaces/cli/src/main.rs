@@ -19,8 +19,6 @@ mod panic_hook;
 mod problem_dump;
 mod progress;
 mod recording_start;
-#[cfg(test)]
-mod reference_tests;
 mod run_session;
 
 use args::{Cli, Command};
