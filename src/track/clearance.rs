@@ -8,6 +8,11 @@ use crate::track::plan::{Plan, SleeperPlan, TampingPlan, TinePlan};
 /// Rounding of positions that are sums of decimal numbers, m: what is flush with a wall is inside.
 pub const ROUNDING_TOLERANCE: f64 = 1e-9;
 
+/// Maximum protrusion of a grain above the fill level after trimming, in mean grain sizes.
+pub const MAX_TRIMMED_PROTRUSION: f64 = 0.5;
+/// Maximum protrusion of grains above a prepared bed, in mean grain sizes: one may rise while the trimmed bed settles.
+pub const MAX_PROTRUSION: f64 = MAX_TRIMMED_PROTRUSION + 0.25;
+
 /// Refuses a plan whose tines would meet a sleeper, an end, a side or the floor on their way.
 pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
     let deep = tamping.deep_edge(&plan.bed);

@@ -15,18 +15,18 @@
 //! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
 
 use super::boundary::boundaries;
-use super::clearance::ROUNDING_TOLERANCE;
+use super::clearance::{MAX_TRIMMED_PROTRUSION, ROUNDING_TOLERANCE};
 use super::height_map::HeightMap;
 use super::pour::{self, PlacedGrain, Templates};
-use super::scene::{run_settings, sleeper_pose};
+
 use super::settle::{BedBuilder, DepositProgress, DepositStage, Settling};
-use super::sleeper::sleeper;
+use super::sleeper::{sleeper, sleeper_pose};
 use crate::error::{Error, Result};
 use crate::geometry::{AxisBox, Clipper, Polyhedron};
 use crate::math::{Pose, Vec3};
 use crate::model::{Grains, Model, Schedule, Solver, Stepping};
 use crate::state::{EnergyLedger, State};
-use crate::track::plan::Plan;
+use crate::track::plan::{Plan, apply_run_settings};
 use crate::workspace::Workspace;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
@@ -51,8 +51,6 @@ const MAX_REST_DURATION: f64 = 0.02;
 pub const MAX_GRAINS: f64 = 2e7;
 /// Maximum penetration left in a bed, in mean grain sizes: a run would not remove it.
 const MAX_BED_PENETRATION: f64 = 0.05;
-/// Maximum protrusion of a grain above the fill level after trimming, in mean grain sizes.
-pub const MAX_TRIMMED_PROTRUSION: f64 = 0.5;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
 const REST_ITERATIONS: u32 = 500;
 const REST_TOLERANCE: f64 = 1.666e-4;
@@ -185,7 +183,7 @@ impl Site<'_> {
         let mut keep: Vec<bool> = (0..grains.len()).map(within).collect();
         builder.deny_deep(MAX_BED_PENETRATION * mean_size, &mut keep);
         builder.retain(&keep);
-        run_settings(plan, &mut builder.model);
+        apply_run_settings(plan, &mut builder.model);
         let mut settling = pouring(plan, DepositStage::Trim);
         settling.grain_friction = plan.bed.friction.grain;
         self.settle(&settling)

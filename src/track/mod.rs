@@ -20,7 +20,7 @@ mod test_plan;
 pub mod tine;
 pub mod zones;
 
-pub use clearance::{ROUNDING_TOLERANCE, SweptArea, swept_area};
+pub use clearance::{MAX_PROTRUSION, ROUNDING_TOLERANCE, SweptArea, swept_area};
 pub use deposit::{Bed, FALL_SPEED, MAX_GRAINS, deposit, empty_bed};
 pub use height_map::MAX_CELLS;
 pub use machine_control::{MAX_AVERAGING_STEPS, TampingState, TinePair};
@@ -29,8 +29,6 @@ pub use scene::scene;
 pub use settle::{DepositProgress, DepositStage};
 pub use sleeper::sleeper_mount;
 pub use squeeze::squeezes;
-pub use tamping_cycle::{
-    MAX_PROTRUSION, MIN_STEPS_PER_PERIOD, TampingCycle, TampingPhase, TinePath,
-};
+pub use tamping_cycle::{MIN_STEPS_PER_PERIOD, TampingCycle, TampingPhase, TinePath};
 pub use tine::steel_cantilever;
 pub use zones::zones;

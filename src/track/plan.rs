@@ -5,7 +5,7 @@
 
 use crate::geometry::GrainShape;
 use crate::math::Vec3;
-use crate::model::{Mount, Solver, Stepping};
+use crate::model::{Model, Mount, Role, Solver, Stepping};
 use std::f64::consts::FRAC_PI_6;
 
 /// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
@@ -245,4 +245,20 @@ pub struct RunPlan {
     pub output_ns: u64,
     /// Simulated time between two checkpoints, ns; 0: only the last.
     pub checkpoint_ns: u64,
+}
+
+/// Sets friction, restitution, stepping and solver of a model to those of the plan.
+pub(super) fn apply_run_settings(plan: &Plan, model: &mut Model) {
+    let friction = &plan.bed.friction;
+    for body in &mut model.driven {
+        body.friction = match body.role {
+            Role::Boundary => friction.boundary,
+            Role::Sleeper => friction.sleeper,
+            Role::Tine => friction.tine,
+        };
+    }
+    model.grain_friction = friction.grain;
+    model.restitution = plan.run.restitution;
+    model.stepping = plan.run.stepping;
+    model.solver = plan.run.solver;
 }

@@ -3,14 +3,15 @@
 //! Reads: the plan, a bed. Writes: model and state at the start of the run.
 
 use super::deposit::{Bed, top};
+use super::sleeper::sleeper_pose;
 use super::tamping_cycle::start_position;
 use super::tine::tine;
 use crate::error::{Error, Result};
 use crate::integrate;
 use crate::math::{Pose, Vec3};
-use crate::model::{DrivenBody, Model, Mount, Role};
+use crate::model::{DrivenBody, Model, Mount};
 use crate::state::State;
-use crate::track::plan::{Plan, SleeperPlan, TinePlan};
+use crate::track::plan::{Plan, SleeperPlan, TinePlan, apply_run_settings};
 use std::sync::Arc;
 
 /// The model of a run and its start: the bed, and the tines clear above it.
@@ -38,7 +39,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
         let body = tine(t, plan.bed.friction.tine, &mut model.shapes)?;
         add(&mut model, &mut state, body, Pose::at(start_position(plan, t)));
     }
-    run_settings(plan, &mut model);
+    apply_run_settings(plan, &mut model);
     state.step = 0;
     state.time_ns = 0;
     state.window = Arc::default();
@@ -80,27 +81,6 @@ fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
     state.angular_velocity.insert(b, Vec3::zeros());
     state.mount.push(pose);
     state.contacts.renumber(|other| other + usize::from(other >= b));
-}
-
-/// Gives the model what the plan says about the run.
-pub(super) fn run_settings(plan: &Plan, model: &mut Model) {
-    let friction = &plan.bed.friction;
-    for body in &mut model.driven {
-        body.friction = match body.role {
-            Role::Boundary => friction.boundary,
-            Role::Sleeper => friction.sleeper,
-            Role::Tine => friction.tine,
-        };
-    }
-    model.grain_friction = friction.grain;
-    model.restitution = plan.run.restitution;
-    model.stepping = plan.run.stepping;
-    model.solver = plan.run.solver;
-}
-
-/// Returns the pose of a sleeper before the lift.
-pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan) -> Pose {
-    Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth))
 }
 
 /// Refuses a tine whose blade starts among grains, `at` being the middle of its upper edge.

@@ -6,9 +6,14 @@
 use super::shape::{cuboid, solid};
 use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
-use crate::math::Vec3;
+use crate::math::{Pose, Vec3};
 use crate::model::{DofMode, DrivenBody, Mount, Role};
-use crate::track::plan::{BlockPlan, SleeperPlan};
+use crate::track::plan::{BlockPlan, Plan, SleeperPlan};
+
+/// Returns the pose of a sleeper before the lift.
+pub(super) fn sleeper_pose(plan: &Plan, s: &SleeperPlan) -> Pose {
+    Pose::at(Vec3::new(s.centre[0], s.centre[1], plan.bed.preparation.ballast_depth))
+}
 
 /// The driven body of a sleeper; its shapes are appended to `shapes` unless they are there already.
 ///

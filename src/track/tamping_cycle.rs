@@ -5,8 +5,7 @@
 //! Contract: positions and velocities are continuous through the whole cycle. Targets are rigid translations; a tine on
 //! a springy shaft follows its target as its mount lets it (T-28).
 
-use super::clearance;
-use super::deposit::MAX_TRIMMED_PROTRUSION;
+use super::clearance::{self, MAX_PROTRUSION};
 use super::machine_control::{MachineControl, TampingState, TinePair, tine_index};
 use super::motion_law::{smooth_step, travel};
 use crate::error::{Error, Result};
@@ -20,8 +19,6 @@ use crate::track::plan::{Plan, TampingPlan};
 const FADE_PERIODS: f64 = 3.0;
 /// Least clearance of tines without a cycle, m: that of the cases that have one and do not say it.
 const IDLE_CLEARANCE: f64 = 0.02;
-/// Maximum protrusion of grains above a prepared bed, in mean grain sizes: one may rise while the trimmed bed settles.
-pub const MAX_PROTRUSION: f64 = MAX_TRIMMED_PROTRUSION + 0.25;
 /// Fewer steps per period of the vibration would alias the sine into another motion.
 pub const MIN_STEPS_PER_PERIOD: f64 = 8.0;
 

@@ -1,11 +1,11 @@
-//! What a partner on the network may send: requests and replies, binary and as text.
+//! Messages that a partner on the network may send: requests and replies, binary and as text.
 #![no_main]
 
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Message};
 use ballast_protocol::{from_cdr, from_json, to_cdr};
 use libfuzzer_sys::fuzz_target;
 
-/// What was read is written and read as the same. Text may hold what has no place in the binary form.
+/// Writes what was read and expects to read the same. Text may hold what has no place in the binary form.
 fn read<T: Message>(data: &[u8]) {
     let binary =
         from_cdr::<T>(data).map(|value| to_cdr(&value).expect("what was read can be written"));

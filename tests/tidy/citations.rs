@@ -1,4 +1,4 @@
-//! Equation numbers: cited ones exist in the theory, and the theory has none that nobody cites.
+//! Equation numbers: cited ones exist in the theory, and the theory has none without a citation.
 
 use crate::tree;
 use std::collections::BTreeSet;

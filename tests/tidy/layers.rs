@@ -13,7 +13,7 @@ fn declared(lib: &str) -> Vec<String> {
         .collect()
 }
 
-/// What the crate's root re-exports: name and the module it comes from.
+/// Re-exports of the crate's root: name and the module it comes from.
 fn re_exported(lib: &str) -> Vec<(String, String)> {
     let text = without_comments_and_literals(lib);
     text.split(';')

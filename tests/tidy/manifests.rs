@@ -1,4 +1,4 @@
-//! Who may depend on what, read from the manifests.
+//! Allowed dependencies of each package, read from the manifests.
 
 use crate::tree;
 use std::collections::BTreeSet;

@@ -115,7 +115,7 @@ fn end_of_item(text: &str) -> usize {
     text.len()
 }
 
-/// Where `word` stands by itself: line numbers from 1. Ends that are not part of a name need no
+/// Numbers of the lines, from 1, that contain `word` as a whole word. Ends that are not part of a name need no
 /// boundary, so `unwrap()` and `println!` work as they are.
 pub fn lines_with_word(text: &str, word: &str) -> Vec<usize> {
     let named = |c: char| c.is_alphanumeric() || c == '_';

@@ -43,7 +43,7 @@ pub fn sources() -> Vec<File> {
     all
 }
 
-/// Whether a file below `src` holds tests only: `tests.rs`, `*_tests.rs`, `tests/*.rs`.
+/// Returns true if a file below `src` holds tests only: `tests.rs`, `*_tests.rs`, `tests/*.rs`.
 pub fn is_test(path: &str) -> bool {
     path.ends_with("/tests.rs") || path.ends_with("_tests.rs") || path.contains("/tests/")
 }

@@ -174,7 +174,7 @@ fn step_resolves(
 ) {
     let h = run.stepping.h();
     let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
-    let limit = MotionLimit { h, smallest };
+    let limit = TravelLimit { h, smallest };
     if layout.sleepers.iter().any(|s| s.plan.tamped) {
         let lift = SMOOTH_STEP_PEAK * tamping.lift.height / tamping.lift.duration;
         limit.check("tamping.lift.duration_s", lift, 0.0, report);
@@ -268,14 +268,14 @@ fn two_digits_down(x: f64) -> f64 {
 }
 
 /// Limit of the motion per step: half of the smallest grain.
-struct MotionLimit {
+struct TravelLimit {
     /// Time step, s.
     h: f64,
     /// Size of the smallest grain, m.
     smallest: f64,
 }
 
-impl MotionLimit {
+impl TravelLimit {
     /// Refuses a motion whose peak `speed`, which includes `vibration`, exceeds the limit; both in m/s. Returns true if it
     /// does not.
     fn check(&self, key: &str, speed: f64, vibration: f64, report: &mut DiagnosticReport) -> bool {
