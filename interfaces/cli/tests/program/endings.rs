@@ -290,6 +290,25 @@ fn nobody_who_reads_messages_is_no_end_of_a_run() {
 }
 
 #[test]
+fn closed_streams_end_no_run() {
+    let place = Place::new();
+    place.run("--out read --steps 20").with_code(0);
+    let hash = place.hash("read");
+    let program = env!("CARGO_BIN_EXE_ballast");
+    for streams in ["2>&-", ">&-", ">&- 2>&-", "2>&1 | head -n 1", "2> >(true)", "| true"] {
+        let command = place.run_command("--out closed --steps 20 --force --json");
+        let words = command.get_args().map(|word| word.to_str().unwrap());
+        let words = words.collect::<Vec<_>>().join(" ");
+        let mut bash = std::process::Command::new("bash");
+        bash.current_dir(place.path("")).args(["-o", "pipefail", "-c"]);
+        let output = bash.arg(format!("{program} {words} {streams}")).output().unwrap();
+        crate::setup::Ended(output).with_code(0);
+        assert_eq!(place.hash("closed"), hash, "{streams}");
+        std::fs::remove_dir_all(place.path("closed")).unwrap();
+    }
+}
+
+#[test]
 fn results_that_cannot_be_read_while_a_run_writes_them_are_told_as_that() {
     let place = Place::new();
     place.run("--out run --steps 3").with_code(0);
