@@ -105,12 +105,30 @@ fn floor_boundary(text: &str, at: usize) -> usize {
     at
 }
 
-/// Replaces control characters, which could control a terminal; a tab becomes one space.
+/// Returns the name of a space other than the plain one, or of a character without width.
+pub(crate) fn invisible_name(c: char) -> Option<&'static str> {
+    Some(match c {
+        '\u{a0}' => "no-break space",
+        '\u{202f}' => "narrow no-break space",
+        '\u{1680}' | '\u{2000}'..='\u{200a}' | '\u{205f}' | '\u{3000}' => "Unicode space",
+        '\u{200b}' => "zero-width space",
+        '\u{feff}' => "byte order mark",
+        '\u{85}' | '\u{2028}' | '\u{2029}' => "Unicode line separator",
+        '\u{ad}'
+        | '\u{180e}'
+        | '\u{200c}'..='\u{200f}'
+        | '\u{202a}'..='\u{202e}'
+        | '\u{2060}'..='\u{206f}' => "invisible character",
+        _ => return None,
+    })
+}
+
+/// Replaces control characters, which could control a terminal, and invisible ones; a tab becomes one space.
 fn printable(chars: impl Iterator<Item = char>) -> String {
     chars
         .map(|c| match c {
             '\t' => ' ',
-            c if c.is_control() => '\u{fffd}',
+            c if c.is_control() || invisible_name(c).is_some() => '\u{fffd}',
             c => c,
         })
         .collect()

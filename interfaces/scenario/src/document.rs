@@ -1,6 +1,7 @@
 //! Parsed TOML text with the position of every key.
 
 use crate::diagnostic::{CaseDiagnostic, quoted};
+use crate::notation;
 use crate::read_text::MAX_CASE_BYTES;
 use std::ops::Range;
 use toml::Spanned;
@@ -34,7 +35,7 @@ impl<'t> CaseDocument<'t> {
         if errors.is_empty() {
             return Ok(Self { file, text, root: root.into_inner() });
         }
-        Err(errors.iter().map(|e| syntax_error(file, text, e)).collect())
+        Err(syntax_errors(file, text, &errors))
     }
 
     /// Creates a diagnostic about the bytes `span`.
@@ -104,6 +105,24 @@ fn segments(path: &str) -> Vec<PathSegment> {
     segments
 }
 
+/// Maximum number of the parser's syntax errors that are reported.
+const MAX_SYNTAX_ERRORS: usize = 100;
+
+/// Returns the syntax errors of a text: each foreign notation, and the parser's errors on other lines.
+fn syntax_errors(file: &str, text: &str, errors: &[toml::de::Error]) -> Vec<CaseDiagnostic> {
+    let errors = &errors[..errors.len().min(MAX_SYNTAX_ERRORS)];
+    let starts: Vec<usize> = errors.iter().map(|e| e.span().map_or(0, |s| s.start)).collect();
+    let mut found: Vec<CaseDiagnostic> = notation::find(text, &starts)
+        .into_iter()
+        .map(|n| CaseDiagnostic::new(file, text, n.span, String::new()).with_text(n.text))
+        .collect();
+    let lines: Vec<usize> = found.iter().map(|d| d.line).collect();
+    let parser = errors.iter().map(|error| syntax_error(file, text, error));
+    found.extend(parser.filter(|d| !lines.contains(&d.line)));
+    found.sort_by_key(|d| (d.line, d.column));
+    found
+}
+
 fn syntax_error(file: &str, text: &str, error: &toml::de::Error) -> CaseDiagnostic {
     let span = error.span().unwrap_or(0..0);
     let mut d = CaseDiagnostic::new(file, text, span.clone(), String::new());
@@ -113,38 +132,16 @@ fn syntax_error(file: &str, text: &str, error: &toml::de::Error) -> CaseDiagnost
         None => message.strip_prefix("expected ").map_or((message, ""), |expected| ("", expected)),
     };
     d.problem = format!("not TOML: {}", problem.trim().trim_end_matches([',', ';', '\n']));
-    if !problem.contains("duplicate")
-        && let Some((found, expected)) = foreign_notation(text, span.start)
-    {
-        (d.found, d.expected) = (quoted(found), expected);
-        return d;
-    }
     d.expected = expected.into();
     if let Some(found) = text.get(span).filter(|s| !s.trim().is_empty()) {
         d.found = quoted(found.trim());
+        // The parser takes everything that is no other value for a text.
+        if message.contains("string values must be quoted")
+            && found.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c))
+        {
+            d.problem = "not TOML: not a number".into();
+            d.expected = "one number, entries separated by commas, or a text in quotes".into();
+        }
     }
     d
-}
-
-/// Returns a value in the notation of another language on the line of `at`, and its TOML notation.
-fn foreign_notation(text: &str, at: usize) -> Option<(&str, String)> {
-    let line = text.get(..at)?.rfind('\n').map_or(0, |end| end + 1);
-    let (_, value) = text[line..].lines().next()?.split_once('=')?;
-    let value = value.split('#').next()?.trim();
-    let is_number = |word: &str| word.parse::<f64>().is_ok_and(f64::is_finite);
-    if is_number(&value.replacen(',', ".", 1)) && value.contains(',') {
-        return Some((
-            value,
-            format!("a number with a decimal point: {}", value.replacen(',', ".", 1)),
-        ));
-    }
-    let digits = value.trim_start_matches('0');
-    if value.starts_with('0')
-        && digits.starts_with(|c: char| c.is_ascii_digit())
-        && is_number(digits)
-    {
-        return Some((value, format!("a number without zeros before it: {digits}")));
-    }
-    let is_word = value.starts_with(char::is_alphabetic) && !value.contains(['"', '\'', '[', '{']);
-    is_word.then(|| (value, format!("a text in quotes: \"{value}\"")))
 }

@@ -10,6 +10,7 @@ mod document;
 mod layout;
 mod mount;
 mod nearest;
+mod notation;
 mod overrides;
 mod read_case;
 mod read_text;

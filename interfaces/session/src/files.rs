@@ -144,6 +144,7 @@ fn read(path: &Path, limit: u64, not_text: fn(String) -> Failure) -> Result<Stri
             let name = path.display();
             not_text(format!("{name}:{line}: expected text in UTF-8, found other bytes"))
         }
+        ReadError::OtherEncoding(_) => not_text(format!("{}: {e}", path.display())),
         other => Failure::at(path, other),
     })
 }

@@ -5,6 +5,7 @@ mod cases;
 mod contacts;
 mod content_key;
 mod hostile;
+mod notation;
 mod samples;
 mod schema;
 
