@@ -39,6 +39,12 @@ impl<'a, 't> DiagnosticReport<'a, 't> {
         }
     }
 
+    /// Returns the first of `keys` that the file has; the first one if it has none.
+    pub fn written_key<'k>(&self, keys: &[&'k str]) -> &'k str {
+        let written = keys.iter().find(|key| self.document.has(key));
+        written.or(keys.first()).copied().unwrap_or_default()
+    }
+
     /// True if further errors are not collected.
     pub fn is_full(&self) -> bool {
         self.errors.len() >= MAX_DIAGNOSTICS

@@ -10,6 +10,8 @@ use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MAX_CELLS, MAX_GRAINS};
 const MAX_EXPECTED_GRAINS: f64 = 5e6;
 // The core, which estimates without voids, refuses fewer beds.
 const _: () = assert!(MAX_EXPECTED_GRAINS / EXPECTED_COMPACTNESS < MAX_GRAINS);
+/// Accelerations of gravity on the surface of the Earth, m/s², generously.
+const EARTH_GRAVITIES: std::ops::RangeInclusive<f64> = 9.7..=9.9;
 /// Tolerance for the rounding of sums of decimal numbers.
 const ROUNDING: f64 = 1e-9;
 
@@ -204,16 +206,26 @@ fn pouring_step(bed: &BedSection, report: &mut DiagnosticReport) {
     }
 }
 
-/// Warns of a bed without gravity.
+/// Warns of a bed without gravity, or with another one than that of the Earth.
 fn weight(bed: &BedSection, report: &mut DiagnosticReport) {
-    let key = "bed.gravity_m_per_s2";
-    if report.is_clean(&[key]) && bed.gravity_m_per_s2 == 0.0 {
-        let text = DiagnosticText {
+    let (key, gravity) = ("bed.gravity_m_per_s2", bed.gravity_m_per_s2);
+    if !report.is_clean(&[key]) || EARTH_GRAVITIES.contains(&gravity) {
+        return;
+    }
+    let text = if gravity == 0.0 {
+        DiagnosticText {
             problem: "a bed without weight stays as loose as it was placed".into(),
             found: "no gravity".into(),
             expected: "9.81 m/s², or another one above 0".into(),
             hint: None,
-        };
-        report.warn(key, text);
-    }
+        }
+    } else {
+        DiagnosticText {
+            problem: "the gravity is not that of the Earth".into(),
+            found: format!("{gravity} m/s²"),
+            expected: "about 9.81 m/s²".into(),
+            hint: (gravity > 100.0).then(|| "the unit is m/s², not cm/s²".into()),
+        }
+    };
+    report.warn(key, text);
 }

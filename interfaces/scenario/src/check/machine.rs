@@ -18,6 +18,9 @@ const MIN_STEPS_PER_SINE: f64 = 10.0;
 // The core refuses only fewer steps, which would be another motion.
 const _: () = assert!(MIN_STEPS_PER_SINE > MIN_STEPS_PER_PERIOD);
 
+/// Keys that decide on the depth of the tines.
+const DEPTH_KEYS: [&str; 2] = ["tamping.insertion.depth_m", "bed.sleeper_underside_z_m"];
+
 /// Checks the cycle against bed, layout and time stepping.
 pub fn machine(
     tamping: Option<&TampingPlan>,
@@ -109,7 +112,7 @@ fn above_floor(
                 ),
                 hint: None,
             };
-            report.error("tamping.insertion.depth_m", text);
+            report.error(report.written_key(&DEPTH_KEYS), text);
             return;
         }
     }
@@ -133,7 +136,7 @@ fn among_grains(
                 expected: format!("below the fill level, {level:.4} m"),
                 hint: None,
             };
-            report.warn("tamping.insertion.depth_m", text);
+            report.warn(report.written_key(&DEPTH_KEYS), text);
             return;
         }
     }
@@ -161,7 +164,8 @@ fn above_grains(
         ),
         hint: None,
     };
-    report.warn("tamping.insertion.clearance_m", text);
+    let keys = ["tamping.insertion.clearance_m", "bed.grains.classes"];
+    report.warn(report.written_key(&keys), text);
 }
 
 /// Checks that a step resolves the motions: tools must not jump over grains, nor steps over the vibration.
@@ -227,7 +231,8 @@ fn step_resolves(
                 two_digits_down(1.0 / (MIN_STEPS_PER_SINE * tamping.vibration.frequency))
             )),
         };
-        report.error("tamping.vibration.frequency_Hz", text);
+        let keys = ["tamping.vibration.frequency_Hz", "run.step_s"];
+        report.error(report.written_key(&keys), text);
     }
     if tamping.vibration.period().is_some_and(|period| period > tamping.squeeze.duration) {
         let text = DiagnosticText {
@@ -292,7 +297,7 @@ impl TravelLimit {
                     two_digits_down(0.4 * smallest / speed)
                 )),
             };
-            report.error(key, text);
+            report.error(report.written_key(&[key, "run.step_s"]), text);
         }
         is_slow
     }

@@ -12,7 +12,8 @@ use std::f64::consts::TAU;
 const STONE_DENSITIES: std::ops::RangeInclusive<f64> = 1000.0..=8000.0;
 /// Maximum friction coefficient of stones on any material.
 const MAX_FRICTION: f64 = 2.0;
-
+/// Maximum duration of a phase of the cycle on a machine, s.
+const MAX_PHASE_DURATION: f64 = 10.0;
 /// Minimum force limit that is not reached at the first contact, N.
 const MIN_FORCE_LIMIT: f64 = 100.0;
 
@@ -26,6 +27,7 @@ pub fn plausibility(
     density(case, report);
     friction(case, report);
     if let Some(tamping) = tamping {
+        durations(tamping, report);
         force_limits(tamping, report);
         soft_mounts(layout, tamping, report);
         pairs(layout, report);
@@ -60,6 +62,30 @@ fn friction(case: &CaseFile, report: &mut DiagnosticReport) {
                 found: coefficient.to_string(),
                 expected: format!("a friction coefficient of at most {MAX_FRICTION}"),
                 hint: Some("it is the tangent of the angle, not the angle in degrees".into()),
+            };
+            report.warn(key, text);
+        }
+    }
+}
+
+/// Warns of phases that take far longer than those of machines.
+fn durations(tamping: &TampingPlan, report: &mut DiagnosticReport) {
+    for (phase, key, duration) in [
+        ("wait before the cycle", "tamping.start_s", tamping.start),
+        ("lift", "tamping.lift.duration_s", tamping.lift.duration),
+        ("insertion", "tamping.insertion.duration_s", tamping.insertion.duration),
+        ("squeeze", "tamping.squeeze.duration_s", tamping.squeeze.duration),
+        ("hold", "tamping.hold_s", tamping.hold),
+        ("withdrawal", "tamping.withdrawal_s", tamping.withdrawal),
+    ] {
+        let rest = "without `tamping.withdrawal_s`, the withdrawal takes the rest of the run";
+        let key = report.written_key(&[key, "run.duration_s"]);
+        if report.is_clean(&[key]) && duration > MAX_PHASE_DURATION {
+            let text = DiagnosticText {
+                problem: format!("the {phase} takes far longer than on any machine"),
+                found: format!("{:.4} s", duration),
+                expected: format!("at most {MAX_PHASE_DURATION} s"),
+                hint: (key == "run.duration_s").then(|| rest.into()),
             };
             report.warn(key, text);
         }
@@ -105,7 +131,7 @@ fn soft_mounts(layout: &Layout, tamping: &TampingPlan, report: &mut DiagnosticRe
                 expected: format!("more than that of the vibration, {} Hz", vibration.frequency),
                 hint: Some("stiffness is in N/m, mass in kg".into()),
             };
-            report.warn(&key, text);
+            report.warn(report.written_key(&[&key, "tamping.vibration.frequency_Hz"]), text);
         }
     }
 }

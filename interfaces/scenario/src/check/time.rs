@@ -9,6 +9,9 @@ use ballast::track::plan::RunPlan;
 /// Tolerance above which a step moves as if it had hardly been solved.
 const MAX_USEFUL_TOLERANCE: f64 = 1e-2;
 
+/// Maximum time step that resolves contacts of stones, s.
+const MAX_USEFUL_STEP: f64 = 5e-3;
+
 /// Converts seconds to whole nanoseconds, at least 1; `None` if they are not whole.
 fn whole_ns(seconds: f64) -> Option<u64> {
     let ns = seconds * 1e9;
@@ -73,42 +76,97 @@ pub fn run(case: &CaseFile, report: &mut DiagnosticReport) -> RunPlan {
     };
     let distance = run.detection_distance_m.unwrap_or(Stepping::default_detection_distance(step));
     check_detection_distance(distance, case, report);
+    step_length(case, report);
+    let duration_ns = whole_steps(run.duration_s, step, "run.duration_s", report);
+    let checkpoint_ns =
+        whole_steps(run.checkpoint_interval_s, step, "run.checkpoint_interval_s", report);
+    let what = "frames only before the first step and at the end";
+    interval_within_run(output_ns, duration_ns, "run.output_interval_s", what, report);
+    let what = "no checkpoint by simulated time before the end";
+    interval_within_run(checkpoint_ns, duration_ns, "run.checkpoint_interval_s", what, report);
     RunPlan {
         stepping: Stepping { step_ns: step, theta: run.theta, detection_distance: distance },
         solver: solver(&case.solver, report),
         restitution: run.restitution,
-        duration_ns: whole_steps(run.duration_s, step, "run.duration_s", report),
+        duration_ns,
         output_ns,
-        checkpoint_ns: whole_steps(
-            run.checkpoint_interval_s,
-            step,
-            "run.checkpoint_interval_s",
-            report,
-        ),
+        checkpoint_ns,
     }
+}
+
+/// Warns of a time step that is far too long for contacts of stones.
+fn step_length(case: &CaseFile, report: &mut DiagnosticReport) {
+    let (key, step) = ("run.step_s", case.run.step_s);
+    if report.is_clean(&["run"]) && step > MAX_USEFUL_STEP {
+        let text = DiagnosticText {
+            problem: "the time step is far too long for contacts of stones".into(),
+            found: format!("{step} s"),
+            expected: format!("at most {MAX_USEFUL_STEP} s; 2e-4 to 1e-3 are usual"),
+            hint: None,
+        };
+        report.warn(key, text);
+    }
+}
+
+/// Warns of an interval, ns, at `key` that is longer than the run.
+fn interval_within_run(
+    interval: u64,
+    duration: u64,
+    key: &str,
+    consequence: &str,
+    report: &mut DiagnosticReport,
+) {
+    if interval <= duration || !report.document.has(key) || !report.is_clean(&["run"]) {
+        return;
+    }
+    let seconds = |ns: u64| ns as f64 / 1e9;
+    let text = DiagnosticText {
+        problem: "the interval is longer than the run".into(),
+        found: format!("{} s: {consequence}", seconds(interval)),
+        expected: format!("less than `duration_s`, {} s; 0 for none", seconds(duration)),
+        hint: None,
+    };
+    report.warn(key, text);
 }
 
 fn check_detection_distance(distance: f64, case: &CaseFile, report: &mut DiagnosticReport) {
     let classes = &case.bed.grains.classes;
     let sizes = || classes.iter().map(|c| c.size_m);
     let (smallest, largest) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
-    if !report.is_clean(&["run.detection_distance_m", "bed.grains.classes"])
-        || distance <= 0.25 * smallest
-    {
+    let keys = ["run.detection_distance_m", "run.step_s", "bed.grains.classes"];
+    if !report.is_clean(&keys) || distance <= 0.25 * smallest {
         return;
     }
-    let text = DiagnosticText {
-        problem: "contacts are detected from very far away".into(),
-        found: format!("{distance:?} m"),
-        expected: format!("at most a quarter of the smallest grain, {} m", 0.25 * smallest),
-        hint: Some("most of these contacts cost time and carry no force".into()),
-    };
+    let key = report.written_key(&keys);
     // The number of contacts grows with the third power of the distance.
-    if distance > largest {
-        let expected = format!("at most the largest grain, {largest} m");
-        report.error("run.detection_distance_m", DiagnosticText { expected, ..text });
+    let is_error = distance > largest;
+    let (limit, what) = match is_error {
+        true => (largest, "the largest grain"),
+        false => (0.25 * smallest, "a quarter of the smallest grain"),
+    };
+    let text = if key == "run.step_s" {
+        let step = case.run.step_s;
+        DiagnosticText {
+            problem: "the time step is too long for the grains".into(),
+            found: format!("{step:?} s, with contacts detected from {distance:?} m"),
+            expected: format!(
+                "at most {:.4} s: contacts are detected from {:?} m/s times the step, at most {what}",
+                limit * step / distance,
+                distance / step
+            ),
+            hint: Some("`detection_distance_m` sets the distance independently of the step".into()),
+        }
     } else {
-        report.warn("run.detection_distance_m", text);
+        DiagnosticText {
+            problem: "contacts are detected from very far away".into(),
+            found: format!("{distance:?} m"),
+            expected: format!("at most {what}, {limit} m"),
+            hint: Some("most of these contacts cost time and carry no force".into()),
+        }
+    };
+    match is_error {
+        true => report.error(key, text),
+        false => report.warn(key, text),
     }
 }
 

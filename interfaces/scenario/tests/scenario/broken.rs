@@ -19,7 +19,12 @@ const TABLE: &[Broken] = &[
         &["not TOML", "duplicate"],
     ),
     Broken("name = \"base\"", "name = \"base«", &["not TOML"]),
-    Broken("step_s = 8e-4", "step_s = 0«,0008", &["not TOML: unexpected", "point: 0.0008"]),
+    Broken("step_s = 8e-4", "step_s = «0,0008", &["not TOML: decimal comma", "point: 0.0008"]),
+    Broken(
+        "step_s = 8e-4",
+        "step_s = «0.8",
+        &["the time step is too long for the grains", "from 0.4 m", "at most 0.1000 s"],
+    ),
     Broken(
         "max_iterations = 300",
         "max_iterations = «0300",

@@ -257,6 +257,10 @@ fn implausible_values_give_a_warning() {
         ),
         ("[tamping]", "[tamping]\nwithdrawal_s = 0.5", "during the withdrawal"),
         ("m3 = 2700", "m3 = 2700\ngravity_m_per_s2 = 0", "a bed without weight"),
+        ("m3 = 2700", "m3 = 2700\ngravity_m_per_s2 = 981", "the gravity is not that of the Earth"),
+        ("duration_s = 1.764", "duration_s = 904", "the withdrawal takes far longer"),
+        ("restitution = 0", "output_interval_s = 4.0", "longer than the run"),
+        ("restitution = 0", "checkpoint_interval_s = 4.0", "longer than the run"),
         ("0.45, depth_m = 0.018", "0.45, depth_m = -0.4", "never reaches the bed"),
         ("m3 = 2700", "m3 = 2.7", "2.7 kg/m³"),
         ("m3 = 2700", "m3 = 27000", "1000 to 8000 kg/m³"),
@@ -280,6 +284,16 @@ fn implausible_values_give_a_warning() {
         assert!(text.iter().any(|w| w.contains(words)), "{to}: {text:?}");
     }
     assert!(read_case(BASE, "case.toml").unwrap().warnings.is_empty());
+}
+
+#[test]
+fn a_time_step_far_too_long_for_contacts_gives_a_warning() {
+    let (bed, rest) = BASE.split_once("[tamping]").unwrap();
+    let (_, run) = rest.split_once("[run]").unwrap();
+    let text = format!("{bed}[run]{run}").replace("step_s = 8e-4", "step_s = 6e-3");
+    let case = read_case(&text, "case.toml").unwrap_or_else(|e| panic!("{e}"));
+    let keys: Vec<&str> = case.warnings.iter().map(|w| w.key.as_str()).collect();
+    assert!(keys.contains(&"run.step_s"), "{keys:?}");
 }
 
 /// Creates a model with the driven bodies of `plan` and without grains.
