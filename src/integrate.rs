@@ -7,7 +7,7 @@
 use crate::detection::Contacts;
 use crate::math::{Pose, Quat, Vec3, rotation};
 use crate::model::Model;
-use crate::motion::Motion;
+use crate::motion::{Motion, turns_far};
 use crate::state::{EnergyLedger, State};
 use rayon::prelude::*;
 
@@ -69,6 +69,57 @@ pub fn write_end_configuration(step: &StepMotion, targets: &[Pose], next: &mut S
         next.velocity[b] = v;
         next.angular_velocity[b] = w;
     }
+}
+
+/// Energy taken from grains that turned too far in a step for contacts that are linear in it.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct RotationLimit {
+    /// Grains concerned.
+    pub grains: usize,
+    /// Kinetic energy taken from them, J.
+    pub energy: f64,
+}
+
+/// Limits the kinetic energy of grains that turn fast to what the impulses of the step have left them (T-41).
+///
+/// Impulses act with the inertia of configuration m. A body that turns on by a good part of a radian has another one at
+/// the end of the step, where the same angular momentum may belong to more energy than the impulses have given.
+pub fn limit_rotation(step: &StepMotion, next: &mut State) -> RotationLimit {
+    let StepMotion { model, state, motion, velocity, angular_velocity } = *step;
+    let h = model.stepping.h();
+    let mut limit = RotationLimit::default();
+    for i in 0..model.grains.len() {
+        let free = &motion.angular_velocity[i];
+        let solved = &angular_velocity[i];
+        let is_fast = [free, solved].iter().any(|w| turns_far(&model.grains.inertia[i], w, h));
+        if !is_fast || (solved - free).norm() <= 1e-9 * free.norm() {
+            continue;
+        }
+        let rotational = |q: &Quat, w: &Vec3| {
+            let w = q.inverse() * w;
+            0.5 * model.grains.inertia[i].component_mul(&w).dot(&w)
+        };
+        let start = rotational(&state.orientation[i], &state.angular_velocity[i]);
+        let middle = &motion.orientation[i];
+        let left = start + rotational(middle, solved) - rotational(middle, free);
+        let translational = 0.5 * model.grains.mass[i] * velocity[i].norm_squared();
+        let found = rotational(&next.orientation[i], &next.angular_velocity[i]);
+        if found <= left {
+            continue;
+        }
+        limit.grains += 1;
+        // What rotation cannot give is taken from translation.
+        let rotational_left = left.max(0.0);
+        let translational_left = (translational + left.min(0.0)).max(0.0);
+        if found > 0.0 {
+            next.angular_velocity[i] *= (rotational_left / found).sqrt();
+        }
+        if translational > 0.0 {
+            next.velocity[i] *= (translational_left / translational).sqrt();
+        }
+        limit.energy += found - rotational_left + translational - translational_left;
+    }
+    limit
 }
 
 /// Moves the grains of `next` by velocities that last for `h` seconds, without changing their velocities (T-34).

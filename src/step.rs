@@ -7,7 +7,7 @@
 use crate::cancel::{CancelToken, StopReason};
 use crate::contact_recheck::{self, RecheckReason};
 use crate::ddm::{self, SolveOutcome};
-use crate::detection::{store_contacts, warm_start};
+use crate::detection::{open_impulse, store_contacts, warm_start};
 use crate::drive::StepInputs;
 use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
@@ -70,6 +70,7 @@ pub fn advance(
         ws.detection_range.reset(model, &ws.motion);
         observer.phase_finished(Phase::Predict);
         detect(model, state, ws, observer);
+        let [open, total] = open_impulse(model, &state.contacts, &ws.contacts);
         let mut report = solve(model, state, next, inputs, ws, model.solver, observer)?;
         while let Some(reason) = contact_recheck::recheck(model, ws, report.solve_passes) {
             observer.phase_finished(Phase::NarrowPhase);
@@ -90,6 +91,8 @@ pub fn advance(
         }
         store_contacts(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
         observer.phase_finished(Phase::Store);
+        report.open_impulse = open;
+        report.total_impulse = total;
         Ok(report)
     })
 }
@@ -265,13 +268,14 @@ fn integrate_and_report(
     let balance = ContactBalance::new(&step_motion, contacts, impulse);
     let reactions = balance.reactions(&step_motion, contacts, impulse);
     integrate::write_end_configuration(&step_motion, inputs.targets, next);
+    let rotation_limit = integrate::limit_rotation(&step_motion, next);
     let ledger = if state.step == 0 { integrate::open_ledger(model, state) } else { state.energy };
     let (kinetic, potential) = integrate::mechanical_energy(model, next);
     next.energy = EnergyLedger {
         kinetic,
         potential,
         work_in: ledger.work_in + reactions.iter().map(|r| r.work).sum::<f64>(),
-        dissipated: ledger.dissipated + balance.dissipated,
+        dissipated: ledger.dissipated + balance.dissipated + rotation_limit.energy,
         ..ledger
     };
     next.window = Arc::clone(&state.window);
@@ -293,6 +297,9 @@ fn integrate_and_report(
         solve_passes: 1,
         mean_penetration: balance.depth_sum / balance.penetrating.max(1) as f64,
         max_penetration: balance.max_depth,
+        open_impulse: 0.0,
+        total_impulse: 0.0,
+        limited_rotations: rotation_limit.grains,
         reactions,
     }
 }
@@ -430,6 +437,14 @@ pub struct StepReport {
     pub mean_penetration: f64,
     /// Largest penetration, m.
     pub max_penetration: f64,
+    /// Sum of the impulses of the previous step on pairs that are open where it ended, N s.
+    ///
+    /// Zero for an exact contact law: a gap that is linear in the step closes where none is (T-40).
+    pub open_impulse: f64,
+    /// Sum of the impulses of the previous step on all pairs, N s.
+    pub total_impulse: f64,
+    /// Number of grains whose energy was limited because they turned too far in the step (T-41).
+    pub limited_rotations: usize,
     /// Reaction of the ballast on each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
 }

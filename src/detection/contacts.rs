@@ -40,6 +40,24 @@ impl Contacts {
         self.gap.clear();
     }
 
+    /// Keeps the contacts for which `is_kept` returns true.
+    pub(super) fn retain(&mut self, is_kept: impl Fn(usize) -> bool) {
+        let mut kept = 0;
+        for i in (0..self.len()).filter(|&i| is_kept(i)) {
+            self.bodies[kept] = self.bodies[i];
+            self.feature[kept] = self.feature[i];
+            self.point[kept] = self.point[i];
+            self.normal[kept] = self.normal[i];
+            self.gap[kept] = self.gap[i];
+            kept += 1;
+        }
+        self.bodies.truncate(kept);
+        self.feature.truncate(kept);
+        self.point.truncate(kept);
+        self.normal.truncate(kept);
+        self.gap.truncate(kept);
+    }
+
     /// Appends one contact point.
     pub fn push(&mut self, bodies: [u32; 2], feature: u64, point: Vec3, normal: Vec3, gap: f64) {
         self.bodies.push(bodies);

@@ -6,14 +6,17 @@
 
 use super::broad_phase::{CHUNK, PairList, PartRef, for_each_chunk};
 use super::contacts::Contacts;
-use super::narrow_phase::{self, ConvexBody, PairCache, Scratch};
+use super::covered::{CoveredContacts, TouchedBody};
+use super::narrow_phase::{self, ContactPoint, ConvexBody, PairCache, Scratch};
 use super::range::DetectionRange;
 use crate::geometry::HalfSpace;
 use crate::lanes;
-use crate::math::{Pose, Vec3};
+use crate::math::{Pose, Vec3, rotation};
 use crate::model::{Model, Part};
 use crate::motion::Motion;
 
+/// Relative displacement in a step from which a grain may pass another body without touching it, over its radius.
+const MIN_PASSING_DISPLACEMENT: f64 = 1e-3;
 /// Number of pairs by which prefetching of caches runs ahead.
 const PREFETCH_PAIRS: usize = 2;
 
@@ -23,6 +26,7 @@ pub struct Detector {
     pairs: PairList,
     part_poses: Vec<PartPose>,
     chunks: Vec<ChunkContacts>,
+    covered: CoveredContacts,
 }
 
 /// Part of a driven body at its pose in the world.
@@ -97,6 +101,8 @@ impl Detector {
             search.chunk(grains, memory, chunk);
         });
         join(&self.chunks, out);
+        let body = |[b, part]: [u32; 2]| search.touched(b, part);
+        self.covered.remove(ng, out, &body);
     }
 }
 
@@ -249,9 +255,58 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
         let alert = self.range.distance(self.motion, a.shape.radius, pair).min(max_distance);
         let is_examined = !memory.is_surely_separated(travel, alert);
         if is_examined {
+            let start = scratch.points.len();
             narrow_phase::generate_contacts(a, b(), alert, travel, memory, scratch);
+            if self.may_pass(pair, &scratch.points[start..]) {
+                let end = [self.end_pose(pair[0], a.pose), self.end_pose(pair[1], b().pose)];
+                narrow_phase::replace_passing_contact(a, b(), end, alert, start, scratch);
+            }
         }
         is_examined
+    }
+
+    /// Returns true if a grain's free motion would close the gap of these contact points with another body, and is long
+    /// enough to lead it past the body instead.
+    fn may_pass(&self, [grain, other]: [usize; 2], points: &[ContactPoint]) -> bool {
+        let Some(closest) = points.iter().min_by(|p, q| p.gap.total_cmp(&q.gap)) else {
+            return false;
+        };
+        if closest.gap <= 0.0 {
+            return false;
+        }
+        let h = self.model.stepping.h();
+        let displacement = |b: usize| {
+            let lever = closest.point - self.motion.position[b];
+            (self.motion.velocity[b] + self.motion.angular_velocity[b].cross(&lever)) * h
+        };
+        let relative = displacement(grain) - displacement(other);
+        let min_displacement = MIN_PASSING_DISPLACEMENT * self.model.grain_radius(grain);
+        closest.gap + closest.normal.dot(&relative) < 0.0
+            && relative.norm_squared() > min_displacement * min_displacement
+    }
+
+    /// Returns the pose to which the free velocity of body `b` leads itself, or a part of it that is at `pose`.
+    fn end_pose(&self, b: usize, pose: Pose) -> Pose {
+        let h = self.model.stepping.h();
+        let turn = rotation::exp(&(self.motion.angular_velocity[b] * h));
+        let origin = self.motion.position[b];
+        let position = origin + self.motion.velocity[b] * h + turn * (pose.position - origin);
+        Pose { position, orientation: turn * pose.orientation }
+    }
+
+    /// Returns body `b`, or part `part` of it if it is driven.
+    fn touched(&self, b: u32, part: u32) -> TouchedBody<'_> {
+        let Some(driven) = (b as usize).checked_sub(self.model.grains.len()) else {
+            return TouchedBody::Convex(self.grain(b as usize));
+        };
+        let first = self.parts.partition_point(|p| (p.driven as usize) < driven);
+        match &self.part_poses[first + part as usize] {
+            PartPose::Convex { shape, pose } => {
+                let shape = &self.model.shapes[*shape as usize];
+                TouchedBody::Convex(ConvexBody { shape, pose: *pose })
+            }
+            PartPose::HalfSpace(plane) => TouchedBody::HalfSpace(*plane),
+        }
     }
 
     fn grain(&self, i: usize) -> ConvexBody<'_> {

@@ -14,6 +14,8 @@ use rayon::prelude::*;
 const CHUNK: usize = 1024;
 /// Maximum displacement of a matched contact point in its body, over the candidate's radius.
 const TOLERANCE: f64 = 0.2;
+/// Maximum gap of a closed contact, over the candidate's radius.
+const MAX_CLOSED_GAP: f64 = 1e-3;
 
 /// Fills `impulse` with the initial impulse of each contact `[nc]`, world axes, N s (T-20).
 ///
@@ -29,6 +31,31 @@ pub fn warm_start(
 ) {
     impulse.resize(contacts.len(), Vec3::zeros());
     ContactMatching { model, motion, memory, contacts }.run(0, impulse);
+}
+
+/// Returns the sum of the impulses of the previous step, N s, on pairs that are open where it ended, and that on all pairs.
+///
+/// `contacts` are those of configuration m, where the gaps of the previous step were to close. A pair is open if it has no
+/// contact there, or none with a gap below a thousandth of the candidate's radius.
+pub fn open_impulse(model: &Model, memory: &ContactMemory, contacts: &Contacts) -> [f64; 2] {
+    let mut sums = [0.0; 2];
+    let mut new = 0;
+    let mut old = 0;
+    while old < memory.bodies.len() {
+        let bodies = memory.bodies[old];
+        let end = run_end(&memory.bodies, old);
+        let impulse: f64 = memory.impulse[old..end].iter().map(|r| r.norm()).sum();
+        while new < contacts.len() && contacts.bodies[new] < bodies {
+            new += 1;
+        }
+        let closed_gap = MAX_CLOSED_GAP * model.grain_radius(bodies[0] as usize);
+        let pair = contacts.bodies[new..].iter().zip(&contacts.gap[new..]);
+        let is_closed = pair.take_while(|(b, _)| **b == bodies).any(|(_, gap)| *gap <= closed_gap);
+        sums[0] += if is_closed { 0.0 } else { impulse };
+        sums[1] += impulse;
+        old = end;
+    }
+    sums
 }
 
 struct ContactMatching<'a> {

@@ -5,6 +5,7 @@
 
 mod broad_phase;
 mod contacts;
+mod covered;
 mod detector;
 mod grid;
 mod matching;
@@ -14,5 +15,5 @@ mod travel;
 
 pub use contacts::Contacts;
 pub use detector::Detector;
-pub use matching::{store_contacts, warm_start};
+pub use matching::{open_impulse, store_contacts, warm_start};
 pub use range::{DetectionRange, max_point_speed};

@@ -10,6 +10,13 @@ const CONVERGED_ANGLE: f64 = 1e-15;
 /// Each reduces the error by about the angle of rotation in the step.
 const MAX_PASSES: usize = 16;
 
+/// Rotation in a step, rad, times the slenderness of the body, up to which its angular velocity counts as constant.
+const MAX_UNIFORM_TURN: f64 = 0.3;
+/// Maximum rotation in a substep of [`mean_angular_velocity`], rad.
+const MAX_SUBSTEP_TURN: f64 = 0.01;
+/// Maximum number of substeps.
+const MAX_SUBSTEPS: f64 = 1024.0;
+
 /// Inertia in the body's axes, kg m².
 pub trait Inertia {
     /// Returns the angular momentum of an angular velocity, both in the body's axes.
@@ -59,6 +66,64 @@ pub struct FreeRotation<'a, I> {
     pub start: &'a Quat,
     /// Angular velocity, world axes, rad/s.
     pub angular_velocity: &'a Vec3,
+}
+
+impl FreeRotation<'_, Vec3> {
+    /// Returns the orientation at configuration m, and the free angular velocity there (world axes, rad/s).
+    ///
+    /// A body that turns slowly keeps its angular velocity up to configuration m. One that turns fast, for its shape,
+    /// is led along its free rotation in both parts of the step, so that it keeps its energy as well.
+    pub fn predict(&self, stepping: &Stepping) -> (Quat, Vec3) {
+        let h = stepping.h();
+        let (before, after) = (h * (1.0 - stepping.theta), h * stepping.theta);
+        if !turns_far(self.inertia, self.angular_velocity, h) {
+            let middle = rotation::advance(self.start, &(self.angular_velocity * before));
+            return (middle, self.free_angular_velocity(&middle, stepping));
+        }
+        let own = self.inertia.momentum(&(self.start.inverse() * self.angular_velocity));
+        let mean = self.start * mean_angular_velocity(self.inertia, own, before);
+        let middle = rotation::advance(self.start, &(mean * before));
+        let momentum = middle.inverse() * (self.start * own);
+        (middle, middle * mean_angular_velocity(self.inertia, momentum, after))
+    }
+}
+
+/// Returns true if a body with these principal moments turns so far in `h` seconds that its angular velocity, constant
+/// along a sphere's free rotation, changes much along its own.
+///
+/// False for what is no number.
+pub fn turns_far(inertia: &Vec3, angular_velocity: &Vec3, h: f64) -> bool {
+    let slenderness_squared = inertia.max() / inertia.min();
+    let turn_squared = angular_velocity.norm_squared() * h * h;
+    turn_squared * slenderness_squared > MAX_UNIFORM_TURN * MAX_UNIFORM_TURN
+}
+
+/// Returns the mean angular velocity, rad/s, of a body without moments over `duration` seconds, in its axes at the start.
+///
+/// `momentum` is its angular momentum in those axes. Integrates `dL/dt = L × D⁻¹ L` in the axes of the body by the
+/// classical Runge-Kutta method.
+fn mean_angular_velocity(inertia: &impl Inertia, momentum: Vec3, duration: f64) -> Vec3 {
+    if duration == 0.0 {
+        return inertia.angular_velocity(&momentum);
+    }
+    let length = momentum.norm();
+    let rate = |l: &Vec3| l.cross(&inertia.angular_velocity(l));
+    let turn = inertia.angular_velocity(&momentum).norm() * duration;
+    let substeps = (turn / MAX_SUBSTEP_TURN).ceil().clamp(1.0, MAX_SUBSTEPS);
+    let dt = duration / substeps;
+    let mut l = momentum;
+    let mut turned = Quat::identity();
+    for _ in 0..substeps as usize {
+        let k1 = rate(&l);
+        let k2 = rate(&(l + k1 * (0.5 * dt)));
+        let k3 = rate(&(l + k2 * (0.5 * dt)));
+        let k4 = rate(&(l + k3 * dt));
+        let middle = l + (k1 + k2) * (0.25 * dt);
+        turned *= rotation::exp(&(inertia.angular_velocity(&middle) * dt));
+        l += (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0);
+        l *= length / l.norm();
+    }
+    rotation::log(&turned) / duration
 }
 
 impl<I: Inertia> FreeRotation<'_, I> {

@@ -15,6 +15,7 @@ use crate::math::{Pose, Quat, Vec3, rotation};
 use crate::model::{DofMode, Model};
 use crate::state::State;
 use free_rotation::FreeRotation;
+pub use free_rotation::turns_far;
 use rayon::prelude::*;
 
 /// Prediction of a step; arrays over all bodies, grains first `[nb]`.
@@ -126,11 +127,9 @@ impl Motion {
             .enumerate()
             .with_min_len(1024)
             .for_each(|(i, ((x, q), (v, w)))| {
-                let angular_velocity = state.angular_velocity[i];
                 *x = state.position[i] + state.velocity[i] * before;
-                *q = rotation::advance(&state.orientation[i], &(angular_velocity * before));
                 *v = state.velocity[i] + model.gravity * h;
-                *w = grain(model, state, i).free_angular_velocity(q, &model.stepping);
+                (*q, *w) = grain(model, state, i).predict(&model.stepping);
             });
     }
 

@@ -135,8 +135,8 @@ fn the_python_package_shares_all_compiled_crates() {
     let without_own = |lines: BTreeSet<String>| lines.into_iter().filter(own).collect();
     crate::none(objections(without_own(demo.clone()), &package));
     crate::none(objections(without_own(demo), &tests));
-    crate::none(objections(program, &package));
-    crate::none(objections(package, &tests));
+    crate::none(objections(without_own(program), &package));
+    crate::none(objections(without_own(package), &tests));
 }
 
 /// Returns a line of [`compiled`] without the features.

@@ -1,4 +1,4 @@
-//! Summary of a file of Ballast.
+//! What a file of ours is, in a few lines.
 //!
 //! Reads: a checkpoint, which is checked as a whole, or the tables of contents of a results file.
 
@@ -11,44 +11,39 @@ use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
 
-/// Summary of a bed, checkpoint or results file.
+/// FileSummary of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileSummary {
-    /// Kind of the file: `bed`, `run` or `results`.
+    /// `bed`, `run` or `results`.
     pub kind: &'static str,
     /// Version of the file's format.
     pub version: u32,
-    /// Name of the case.
     pub case_name: String,
-    /// Content key of the bed.
     pub key: String,
-    /// Number of grains.
     pub grains: u64,
     /// Names of the driven bodies.
     pub driven: Vec<String>,
-    /// Last step.
+    /// Last step, and its simulated time, s.
     pub step: Option<u64>,
-    /// Simulated time of the last step, s.
     pub time: Option<f64>,
-    /// Number of contacts in memory; in beds and checkpoints.
+    /// Contacts that the next solve starts from; in beds and checkpoints.
     pub contacts: Option<u64>,
-    /// Hash of the state; in beds and checkpoints.
+    /// [`state_hash`]; in beds and checkpoints.
     pub hash: Option<u128>,
     /// Number of frames; in results.
     pub frames: Option<u64>,
     /// Name, columns and rows of the tables; in results.
     pub tables: Vec<(String, u64, u64)>,
-    /// Size of the file, bytes.
+    /// Bytes.
     pub size: u64,
 }
 
-/// Returns a summary of the file at `path`.
+/// Tells what `path` holds.
 ///
-/// # Errors
-/// As for [`checkpoint::read`] and [`ResultsReader::open`].
+/// Errors: as [`checkpoint::read`] and [`ResultsReader::open`].
 pub fn inspect(path: impl AsRef<Path>) -> Result<FileSummary> {
     let path = path.as_ref();
-    // Results have no seal at their start; everything else is read as a checkpoint.
+    // Results have no header of ours; everything else is for the checkpoint's reader to judge.
     if seal::is_hdf5(path)? { of_results(path) } else { of_checkpoint(path) }
 }
 
@@ -111,7 +106,7 @@ fn of_results(path: &Path) -> Result<FileSummary> {
 }
 
 impl FileSummary {
-    /// Converts the summary to JSON, without absent values.
+    /// The summary for programs; absent values are left out.
     pub fn to_json(&self) -> Value {
         let mut value = json!({
             "kind": self.kind,

@@ -66,6 +66,10 @@ quantities! {
     SyncFallback: "sync_fallback", "solver.steps_sync_fallback", "steps re-solved synchronously", "", "", "1 if asynchronous iterations diverged and the step was solved synchronously (T-13), else 0; in summaries the number of such steps.";
     SolvePasses: "solve_passes", "", "solve passes", "", "", "Number of solves of the step: 1, and 1 more for each time that missed contacts were added (T-35, T-36).";
     StepsResolved: "", "solver.steps_resolved", "steps re-solved for missed contacts", "", "", "Number of steps with more than one solve pass.";
+    OpenImpulse: "open_impulse", "", "impulse of open contacts", "N s", "", "Sum of the impulses of the previous step on pairs that are open where it ended (T-40).";
+    TotalImpulse: "total_impulse", "", "impulse of all contacts", "N s", "", "Sum of the impulses of the previous step on all pairs.";
+    OpenImpulseShare: "", "solver.open_impulse_share", "impulse on contacts that end open", "1", "", "Share of the impulses of a run on pairs that are open where their step ended (T-40).";
+    LimitedRotations: "limited_rotations", "solver.limited_rotations", "grains that turned too far in a step", "", "", "Number of touching grains, over the steps in summaries, whose energy was limited because they turned too far in a step (T-41).";
     MeanPenetration: "mean_penetration", "relative_penetration.mean", "penetration", "m", "SolverResult.mean_penetration", "Mean depth of the penetrating contact points at the midpoint configuration (T-26); in summaries over the mean grain size.";
     MaxPenetration: "max_penetration", "relative_penetration.max", "penetration", "m", "SolverResult.max_penetration", "Depth of the deepest contact point (T-26); in summaries over the mean grain size.";
     GrainSize: "", "relative_penetration.grain_size_m", "d", "m", "", "Mean grain size that penetrations are compared with.";

@@ -46,6 +46,9 @@ columns! {
         Converged: |s| s.report.converged.into();
         SyncFallback: |s| s.report.sync_fallback.into();
         SolvePasses: |s| s.report.solve_passes.into();
+        OpenImpulse: |s| s.report.open_impulse;
+        TotalImpulse: |s| s.report.total_impulse;
+        LimitedRotations: |s| s.report.limited_rotations as f64;
         MeanPenetration: |s| s.report.mean_penetration;
         MaxPenetration: |s| s.report.max_penetration;
         Coordination: |s| s.coordination.mean_neighbours[0];
@@ -214,6 +217,9 @@ mod tests {
             converged: true,
             sync_fallback: false,
             solve_passes: 12,
+            open_impulse: 0.5,
+            total_impulse: 2.0,
+            limited_rotations: 7,
             mean_penetration: 1e-6,
             max_penetration: 1e-5,
             reactions: vec![
@@ -255,6 +261,9 @@ mod tests {
             ("converged", "", 1.0),
             ("sync_fallback", "", 0.0),
             ("solve_passes", "", 12.0),
+            ("open_impulse", "N s", 0.5),
+            ("total_impulse", "N s", 2.0),
+            ("limited_rotations", "", 7.0),
             ("mean_penetration", "m", 1e-6),
             ("max_penetration", "m", 1e-5),
             ("coordination", "", 5.5),

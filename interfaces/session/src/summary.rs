@@ -64,6 +64,10 @@ pub struct RunSummary {
     pub subdomains: Statistics,
     /// Iterations per step.
     pub iterations: Statistics,
+    /// Impulses on pairs that end open, and on all pairs, N s.
+    pub open_and_total_impulse: [f64; 2],
+    /// Touching grains whose energy was limited, over the steps.
+    pub limited_rotations: u64,
     /// Largest of LMGC90's norms.
     pub residual: Statistics,
     /// Natural map residual of the steps.
@@ -205,6 +209,12 @@ impl RunSummary {
         }
     }
 
+    /// Returns the share of the impulses on pairs that end their step open; `None` without impulses.
+    pub fn open_impulse_share(&self) -> Option<f64> {
+        let [open, total] = self.open_and_total_impulse;
+        (total > 0.0).then(|| open / total)
+    }
+
     /// Adds a row of the table `steps`.
     pub fn take_step(&mut self, row: &StepRow) {
         self.steps += 1;
@@ -212,6 +222,9 @@ impl RunSummary {
         self.sync_fallback += u64::from(row.get(Column::SyncFallback) != 0.0);
         self.resolved += u64::from(row.get(Column::SolvePasses) > 1.0);
         self.visits += row.get(Column::Visits);
+        self.open_and_total_impulse[0] += row.get(Column::OpenImpulse);
+        self.open_and_total_impulse[1] += row.get(Column::TotalImpulse);
+        self.limited_rotations += row.get(Column::LimitedRotations) as u64;
         self.residual.take(row.qm16());
         for (statistics, column) in [
             (&mut self.contacts, Column::Contacts),
@@ -367,6 +380,8 @@ impl RunSummary {
                 (Q::StepsNotConverged.key()): self.not_converged(),
                 (Q::SyncFallback.key()): self.sync_fallback,
                 (Q::StepsResolved.key()): self.resolved,
+                (Q::OpenImpulseShare.key()): self.open_impulse_share(),
+                (Q::LimitedRotations.key()): self.limited_rotations,
             },
         })
     }

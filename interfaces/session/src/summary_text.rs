@@ -169,9 +169,14 @@ fn quality(summary: &RunSummary) -> TextTable {
     if let Some(lost) = summary.lost {
         table.row([Q::GrainsLost.label(), "", &lost.to_string()]);
     }
-    for (quantity, count) in
-        [(Q::StepsResolved, summary.resolved), (Q::SyncFallback, summary.sync_fallback)]
-    {
+    if let Some(share) = summary.open_impulse_share() {
+        table.row([Q::OpenImpulseShare.label(), "", &format!("{:.2} %", 100.0 * share)]);
+    }
+    for (quantity, count) in [
+        (Q::StepsResolved, summary.resolved),
+        (Q::SyncFallback, summary.sync_fallback),
+        (Q::LimitedRotations, summary.limited_rotations),
+    ] {
         if count > 0 {
             table.row([quantity.label(), "", &count.to_string()]);
         }

@@ -41,3 +41,8 @@ pub fn vertex_of_b(v: usize) -> u64 {
 pub fn with_part(feature: u64, part: usize) -> u64 {
     (part as u64) << PART_SHIFT | feature
 }
+
+/// Returns the part of the antagonist on which the feature is.
+pub fn part_of(feature: u64) -> u32 {
+    (feature >> PART_SHIFT) as u32
+}

@@ -30,6 +30,7 @@ mod frame;
 mod manifold;
 mod memory;
 mod pair;
+mod passing;
 mod patch;
 mod report;
 mod search;
@@ -39,9 +40,11 @@ use crate::math::round;
 use memory::ContactCache;
 use pair::BodyPair;
 
-pub use feature::with_part;
+pub use feature::{part_of, with_part};
+pub use manifold::ContactPoint;
 pub use memory::{PairCache, Scratch};
 pub use pair::ConvexBody;
+pub use passing::replace_passing_contact;
 pub use report::generate_half_space_contacts;
 
 /// Appends the contact points of A and B with gaps up to `alert` (m) to `scratch.points`.

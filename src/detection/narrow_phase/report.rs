@@ -84,6 +84,17 @@ impl BodyPair<'_> {
         face.chosen()
     }
 
+    /// Reports the contact along a normal (A to B, frame of A) that separates the bodies by `gap`.
+    pub fn report_along(&self, normal: &Vec3, gap: f64, scratch: &mut Scratch) {
+        let closest = || {
+            let v = pair::first_lowest(&self.a.vertices, &-normal);
+            let point = self.a.vertices[v] + normal * (0.5 * gap);
+            ManifoldPoint { point, gap, feature: feature::vertex(v) }
+        };
+        self.find_patch(normal, gap, &mut ContactCache::default(), scratch);
+        self.report_patch(normal, gap, closest, scratch);
+    }
+
     /// Reports the four points of `scratch.candidates`, the patch along `normal`, that represent it best.
     ///
     /// `closest` returns the point at which the gap equals the axis's separation; no corner's gap is below that

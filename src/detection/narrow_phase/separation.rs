@@ -40,7 +40,7 @@ pub fn direction(pair: &BodyPair, start: Option<Vec3>) -> Option<(Vec3, f64)> {
 }
 
 /// Support function of A.
-struct ShapeA<'p, 's>(&'p BodyPair<'s>);
+pub(super) struct ShapeA<'p, 's>(pub(super) &'p BodyPair<'s>);
 
 impl SupportMap for ShapeA<'_, '_> {
     fn local_support_point(&self, direction: Vector) -> Vector {
@@ -61,11 +61,11 @@ impl SupportMap for ShapeB<'_, '_> {
     }
 }
 
-fn to_parry(x: &Vec3) -> Vector {
+pub(super) fn to_parry(x: &Vec3) -> Vector {
     Vector::new(x.x, x.y, x.z)
 }
 
-fn from_parry(x: Vector) -> Vec3 {
+pub(super) fn from_parry(x: Vector) -> Vec3 {
     Vec3::new(x.x, x.y, x.z)
 }
 

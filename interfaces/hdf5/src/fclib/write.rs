@@ -1,7 +1,7 @@
-//! Writer of friction-contact problems and their solutions.
+//! Writing friction-contact problems and their solutions.
 
 use super::matrix::{self, Entries};
-use super::read::FclibProblem;
+use super::read::Problem;
 use crate::error::{Result, hdf5 as hdf5_error, io};
 use crate::{image, replace};
 use ballast::math::Vec3;
@@ -9,7 +9,7 @@ use ballast::nlgs::assembled_problem::AssembledProblem;
 use hdf5::{File, H5Type};
 use std::path::Path;
 
-/// Storage of the entries of a matrix.
+/// How the entries of a matrix are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Storage {
     /// Compressed rows.
@@ -20,10 +20,9 @@ pub enum Storage {
     Triplets,
 }
 
-/// Writes a problem to `path` in the local form, atomically.
+/// Writes a problem to `path` in the local form, whole or not at all.
 ///
-/// # Errors
-/// [`crate::Error::Io`] and [`crate::Error::Hdf5`].
+/// Errors: [`crate::Error::Io`] and [`crate::Error::Hdf5`].
 pub fn write_local(
     path: impl AsRef<Path>,
     problem: &AssembledProblem,
@@ -44,14 +43,12 @@ pub fn write_local(
 /// Copies the file `from` that `problem` was read from to `to`, with these impulses `[nc]` as its solution.
 ///
 /// The solution holds the impulses `r`, the relative velocities `u = W r + q`, and, in the global form,
-/// the bodies' velocities `v`. A file at `to`, which may be `from`, is replaced when the copy is complete.
-///
-/// # Errors
-/// [`crate::Error::Io`] and [`crate::Error::Hdf5`].
+/// the bodies' velocities `v`. What was at `to` is replaced when the copy is complete, and may be `from`.
+/// Errors: [`crate::Error::Io`] and [`crate::Error::Hdf5`].
 pub fn write_solution(
     from: impl AsRef<Path>,
     to: impl AsRef<Path>,
-    problem: &FclibProblem,
+    problem: &Problem,
     impulse: &[Vec3],
 ) -> Result<()> {
     let (from, to) = (from.as_ref(), to.as_ref());
@@ -86,7 +83,7 @@ fn flat(vectors: &[Vec3]) -> Vec<f64> {
     vectors.iter().flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
-/// Returns the scalar entries that are not zero, row by row.
+/// Scalar entries that are not zero, row by row.
 fn entries(problem: &AssembledProblem) -> Entries {
     let mut entries = Vec::new();
     for contact in 0..problem.contact_count() {

@@ -1,12 +1,12 @@
-//! Results of a run: one HDF5 file that viewers can open.
+//! Results of a run: one HDF5 file that viewers open as it is.
 //!
 //! `/VTKHDF`: frames, for ParaView and VTK 9.4 on: blocks `grains`, `sleepers`, `tines`, `boundary`
 //! (true polyhedra; cell data `body`, `speed` m/s, `load` N) and `contacts` (points that carry a
 //! force). `/frames`: step of each frame, poses. `/tables`: tables of numbers over the steps.
 //! `/metadata`: the case. Reads: model, state, workspace.
-//! Contract: [`ResultsWriter::frame`] passes all data to the operating system. After a crash the file is readable up to its
-//! last frame, or the last flush of a table, unless the crash was inside a flush. In both cases
-//! [`ResultsWriter::append_to`] continues from the last [`ResultsWriter::secure`].
+//! Contract: after [`ResultsWriter::frame`] everything so far is with the operating system; a run that is
+//! killed leaves a file that is readable up to its last frame, or series' last flush, unless it is killed
+//! among the writes of a flush itself; from what was last secured [`ResultsWriter::append_to`] goes on after either.
 
 mod background_writer;
 mod block;
@@ -41,10 +41,10 @@ use std::path::{Path, PathBuf};
 use surface::{Extent, SurfaceMesh};
 use table_buffer::TableBuffer;
 
-/// Name of the block of contact points.
+/// The block of contact points.
 const CONTACTS: &str = "contacts";
 
-/// Returns true if results may have a block with this name.
+/// Whether results may have a block of this name.
 pub(crate) fn is_block(name: &str) -> bool {
     name == CONTACTS || surface::is_named(name)
 }
@@ -52,53 +52,52 @@ pub(crate) fn is_block(name: &str) -> bool {
 /// Version of the format that this program writes.
 pub const VERSION: u32 = 2;
 
-/// Version with texts of variable length in a heap of the file, which can still be read.
+/// Version whose texts are of variable length, in a heap of the file; it is read, too.
 pub(crate) const FORMAT_V1_VLEN_STRINGS: u32 = 1;
 
 pub(crate) const FORMAT: &str = "ballast-results";
 
-/// Seal of complete results, which detects a changed byte before the HDF5 library reads it.
-const SEAL: seal::SealFormat = seal::SealFormat { name: "ballast-results-end", version: 1 };
+/// Of complete results: a changed byte is noticed before the HDF5 library stumbles over it.
+const SEAL: seal::Format = seal::Format { name: "ballast-results-end", version: 1 };
 
-/// Origin of a results file.
+/// What a results file says about where it comes from.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResultsMetadata {
-    /// Name of the case.
     pub case_name: String,
-    /// Text of the case file.
+    /// The case file's text, as it was read.
     pub case_text: String,
-    /// Content key of the bed at the start of the run.
+    /// Key of the bed that the run started from.
     pub key: String,
     /// Name and version of the writing program.
     pub program: String,
 }
 
-/// Writer of the results of one run. Used by one thread, because HDF5 serialises all calls.
+/// Writes the results of one run. Belongs to one thread: HDF5 serialises all calls anyway.
 #[derive(Debug)]
 pub struct ResultsWriter {
     path: PathBuf,
     file: File,
     model: Model,
     last_step: Option<u64>,
-    /// Surfaces of the bodies, known after the first frame.
+    /// Known from the first frame on.
     surfaces: Vec<SurfaceMesh>,
     series: BTreeMap<String, TableBuffer>,
     index_backup: IndexBackup,
 }
 
-/// Opens a file for writing so that a crash between two flushes leaves the file of the first one. For crashes inside a flush
-/// see [`index_backup`].
+/// Opens for writing so that a kill between two flushes leaves the file of the first one; for kills inside a flush see
+/// [`index_backup`].
 fn open(path: &Path, new: bool) -> hdf5::Result<File> {
     let mut options = File::with_options();
     options.with_fapl(|p| {
-        // Not 1.10: its files have a mark while they are written, and could not be opened after a crash.
+        // Not 1.10: its files carry a mark while they are written, and none would open after a kill.
         p.libver_v18();
-        // A viewer may read the file meanwhile; many parallel file systems have no locks.
+        // A viewer may look on; many parallel file systems have no locks anyway.
         p.file_locking(false);
-        // Data are written at once, so that a full disk is an error of that write. A cache would write them when the
-        // dataset is closed, where the error is lost.
+        // Data reach it at once, where a full disk is an error of the write that met it: from a cache they would go when
+        // their dataset is closed, and nobody would hear that they did not.
         p.chunk_cache(0, 0, 1.0);
-        // Metadata are written by a flush only, all together.
+        // Metadata reach the file in a flush, all together, never in between.
         p.mdc_config(&MetadataCacheConfig {
             evictions_enabled: false,
             incr_mode: CacheIncreaseMode::Off,
@@ -107,26 +106,26 @@ fn open(path: &Path, new: bool) -> hdf5::Result<File> {
             ..MetadataCacheConfig::default()
         })
     });
-    // The root group has no time stamps either.
+    // Nor does its root keep the time of day.
     options.with_fcpl(|p| p.obj_track_times(false));
     if new { options.create(path) } else { options.open_rw(path) }
 }
 
-/// Repairs the file at `path` after a crash inside a flush, before it is read by a continued run.
+/// Puts right what a run that was killed among the writes of a flush left at `path`: before it is read to be gone on with.
 ///
 /// # Errors
-/// As for [`ResultsWriter::append_to`], which also repairs the file.
+/// As those of [`ResultsWriter::append_to`], which does it, too.
 pub fn mend(path: &Path) -> Result<()> {
     index_backup::restore(path)
 }
 
 impl ResultsWriter {
-    /// Creates or replaces a file.
+    /// Starts a new file; one that is there is replaced.
     pub fn create(path: impl AsRef<Path>, model: &Model, meta: &ResultsMetadata) -> Result<Self> {
         let path = path.as_ref();
-        // Before the file is emptied: a backup must never be restored into another file.
-        index_backup::remove(path)?;
-        // The library's message for a missing folder does not name the cause.
+        // Before the file is emptied: what was kept must never be put into another one.
+        index_backup::forget(path)?;
+        // The library's message for a missing folder does not say so.
         std::fs::File::create(path).map_err(io(path, "create"))?;
         let file = open(path, true).map_err(hdf5_error(path, "file"))?;
         let writer = Self {
@@ -167,8 +166,8 @@ impl ResultsWriter {
         self.file.flush()
     }
 
-    /// Continues an existing file from the checkpoint of step `at_step`; removes later frames and rows,
-    /// which a stopped run wrote after the checkpoint.
+    /// Goes on with an earlier file, from the checkpoint of step `at_step`: later frames and rows,
+    /// which a run wrote before it was stopped, are forgotten.
     pub fn append_to(path: impl AsRef<Path>, model: &Model, at_step: u64) -> Result<Self> {
         let path = path.as_ref();
         index_backup::restore(path)?;
@@ -200,7 +199,7 @@ impl ResultsWriter {
             writer.surfaces = surface::all(model, &poses, &extent);
         }
         writer.cut(kept, at_step, &tables, version).map_err(hdf5_error(path, "earlier frames"))?;
-        writer.index_backup.write(path, &writer.file)?;
+        writer.index_backup.keep(path, &writer.file)?;
         Ok(writer)
     }
 
@@ -212,7 +211,7 @@ impl ResultsWriter {
         version: u32,
     ) -> hdf5::Result<()> {
         if frames == 0 {
-            // Without a frame, the next one determines the drawn size of half-spaces.
+            // Without a frame, the next one decides anew how large half-spaces are drawn.
             self.surfaces.clear();
             if self.file.link_exists("VTKHDF") {
                 self.file.unlink("VTKHDF")?;
@@ -234,12 +233,12 @@ impl ResultsWriter {
         self.file.flush()
     }
 
-    /// Writes a frame: bodies and forces after a step, which must be later than the previous frame.
+    /// Writes a frame: bodies and forces after a step. Later than the frame before.
     pub fn frame(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result<()> {
         self.write(&FrameData::take(model, state, workspace))
     }
 
-    /// Writes a frame from data that were collected earlier.
+    /// Writes a frame that was taken before.
     pub fn write(&mut self, frame: &FrameData) -> Result<()> {
         let nb = self.model.body_count();
         if frame.poses.len() != nb || frame.speed.len() != nb {
@@ -275,7 +274,7 @@ impl ResultsWriter {
             growing::append(&group, "position", &position)?;
             growing::append(&group, "orientation", &orientation)?;
         }
-        // Data are written before the counters, so that a crash in between loses this frame only.
+        // All data are there before anything says so: a kill in between costs this frame alone.
         self.file.flush()?;
         for name in VtkBlock::names(&root)? {
             VtkBlock::open(&root, &name)?.show()?;
@@ -283,7 +282,7 @@ impl ResultsWriter {
         growing::append(&group, "step", &[frame.step]).map(drop)
     }
 
-    /// Creates the blocks; the first frame determines the size of the scene.
+    /// Makes the blocks, once the first frame tells the size of the scene.
     fn lay_out(&mut self, frame: &FrameData) -> hdf5::Result<()> {
         let root = block::create_root(&self.file)?;
         let extent: Extent = surface::extent(&self.model, &frame.poses);
@@ -315,7 +314,7 @@ impl ResultsWriter {
         block::link(&root, CONTACTS)
     }
 
-    /// Declares a table of numbers over the steps, with name and unit of each column. A second call has no effect.
+    /// Declares a table of numbers over the steps: columns of name and unit. Again: no effect.
     pub fn table(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
         if let Some(known) = self.series.get(name) {
             if known.fits(columns) {
@@ -335,9 +334,9 @@ impl ResultsWriter {
         Ok(())
     }
 
-    /// Appends a row for the end of step `step` to a declared table.
+    /// Appends a row, of the end of step `step`, to a declared table.
     ///
-    /// Rows are collected and written by the thousand, with the next frame, or by [`ResultsWriter::flush`].
+    /// Rows are gathered and written by the thousand, with the next frame, or by [`ResultsWriter::flush`].
     pub fn append(&mut self, name: &str, step: u64, row: &[f64]) -> Result<()> {
         let Some(table) = self.series.get_mut(name) else {
             let known: Vec<_> = self.series.keys().collect();
@@ -352,17 +351,17 @@ impl ResultsWriter {
         Ok(())
     }
 
-    /// Passes all data to the operating system.
+    /// Hands all that was written to the operating system.
     pub fn flush(&mut self) -> Result<()> {
         self.flush_all().map_err(hdf5_error(&self.path, "flush"))
     }
 
-    /// Passes all data to the disk and writes a backup of the index, from which a later crash is repaired.
+    /// Hands over all that was written, and keeps what a run that is killed later needs to come back to here.
     ///
-    /// Called before every checkpoint, so that the results it depends on survive any crash of program or machine.
+    /// Before every checkpoint: what the checkpoint relies on then outlasts any kill, and the machine.
     pub fn secure(&mut self) -> Result<()> {
         self.flush()?;
-        self.index_backup.write(&self.path, &self.file)
+        self.index_backup.keep(&self.path, &self.file)
     }
 
     fn flush_all(&mut self) -> hdf5::Result<()> {
@@ -373,16 +372,16 @@ impl ResultsWriter {
         self.file.flush()
     }
 
-    /// Completes and seals the file, and synchronises it with the disk.
+    /// Completes the file, seals it and brings it to the disk.
     pub fn close(mut self) -> Result<()> {
         self.flush()?;
         let Self { path, file, .. } = self;
         file.close().map_err(hdf5_error(&path, "close"))?;
         seal::put_at_end(&path, &SEAL)?;
-        index_backup::remove(&path)
+        index_backup::forget(&path)
     }
 
-    /// Path of the file.
+    /// The file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -422,7 +421,7 @@ fn add_contacts(block: &VtkBlock, frame: &FrameData) -> hdf5::Result<()> {
     block.end_step(frame.time)
 }
 
-/// Returns a hash of bodies and shapes; a file can only be continued with the same ones.
+/// Fingerprint of bodies and shapes: a file can only go on with the same ones.
 fn bodies_hash(model: &Model) -> String {
     let nothing = State::default();
     let mut columns = columns::of(model, &nothing);

@@ -1,8 +1,9 @@
-//! Reader of results files: frames as polygons or points, tables, metadata.
+//! Reads results files back: frames as polygons or points, tables, what they say of themselves.
 //!
-//! Contract: sizes are compared with the file's size before anything is allocated. Damaged compressed data give an error of
-//! the HDF5 library with the position. Complete results are sealed, so the library never reads a damaged one. Unsealed
-//! files of version 1 have texts in a global heap, and the library may crash on a damaged heap. New files have none.
+//! Contract: sizes are compared with the file's own size before anything is allocated. A file that
+//! is damaged inside its compressed data gives an error of the HDF5 library, with the place. Where results are
+//! complete, and thus sealed, the library does not see a byte of a damaged one. Those of version 1 that are not sealed have
+//! their texts in the file's global heap, which the library does not always survive where it is damaged: no new file has one.
 
 use super::block::VtkBlock;
 use super::{FORMAT, FORMAT_V1_VLEN_STRINGS, SEAL, VERSION, growing, pose};
@@ -13,7 +14,7 @@ use hdf5::{Dataset, File, Group, H5Type};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// Reader of a results file.
+/// An opened results file.
 #[derive(Debug)]
 pub struct ResultsReader {
     path: PathBuf,
@@ -24,48 +25,43 @@ pub struct ResultsReader {
     steps: Vec<u64>,
 }
 
-/// Content of one block in one frame.
+/// One block in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlockFrame {
-    /// Positions of the points `[np]`, m.
+    /// `[np]`, m.
     pub points: Vec<[f32; 3]>,
-    /// Ends of the polygons in `corners` `[nf]`; empty for a block of points.
+    /// Ends of the polygons in `corners` `[nf]`; none for a block of points.
     pub polygon_ends: Vec<i64>,
-    /// Indices of the points of the polygons, one after the other.
     pub corners: Vec<i64>,
-    /// Arrays with one value per polygon.
+    /// One value per polygon.
     pub cell_data: Vec<FieldArray>,
-    /// Arrays with one value per point.
+    /// One value per point.
     pub point_data: Vec<FieldArray>,
 }
 
-/// Named array of values, flat `[rows * width]`.
+/// Named values, flat `[rows * width]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldArray {
-    /// Name of the array.
     pub name: String,
-    /// Number of values per row.
     pub width: usize,
-    /// Values, row by row.
     pub values: Vec<f32>,
 }
 
-/// Table of numbers over the steps.
+/// A table over the steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResultsTable {
-    /// Name and unit of each column.
+    /// Name and unit.
     pub columns: Vec<(String, String)>,
     /// Step of each row `[n]`.
     pub steps: Vec<u64>,
-    /// Values, flat `[n * columns]`.
+    /// Flat `[n * columns]`.
     pub rows: Vec<f64>,
 }
 
 impl ResultsReader {
     /// Opens a results file.
     ///
-    /// # Errors
-    /// [`Error::Version`] for another version, [`Error::Damaged`] for another kind of file.
+    /// Errors: [`Error::Version`] for another version, [`Error::Damaged`] for another kind of file.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let size = std::fs::metadata(path).map_err(io(path, "open"))?.len();
@@ -110,7 +106,7 @@ impl ResultsReader {
         self.version
     }
 
-    /// Returns true if the writer has closed the file. A running or killed run has not.
+    /// Whether its writer has closed it. One that is going on, or was killed, has not.
     pub fn is_closed(&self) -> bool {
         self.is_closed
     }
@@ -120,7 +116,7 @@ impl ResultsReader {
         &self.steps
     }
 
-    /// Returns a text of `/metadata`: `case_name`, `case_text`, `key` or `program`.
+    /// A text of `/metadata`: `case_name`, `case_text`, `key`, `program`.
     pub fn metadata(&self, name: &str) -> Result<String> {
         if name == "case_text" && self.version > FORMAT_V1_VLEN_STRINGS {
             let text = self.dataset("metadata/case_text")?;
@@ -132,7 +128,7 @@ impl ResultsReader {
         Ok(texts.into_iter().next().unwrap_or_default())
     }
 
-    /// Returns the number of grains and the names of the driven bodies.
+    /// Number of grains, and names of the driven bodies.
     pub fn bodies(&self) -> Result<(u64, Vec<String>)> {
         let metadata = self.group("metadata")?;
         let read = || -> hdf5::Result<_> {
@@ -144,14 +140,14 @@ impl ResultsReader {
         read().map_err(hdf5_error(&self.path, "metadata"))
     }
 
-    /// Returns the role of each driven body: `boundary`, `sleeper` or `tine`.
+    /// What each of the driven bodies is: `boundary`, `sleeper` or `tine`.
     pub fn roles(&self) -> Result<Vec<String>> {
         let metadata = self.group("metadata")?;
         let roles = growing::read_texts(&metadata, "driven_roles", self.version);
         roles.map_err(hdf5_error(&self.path, "metadata/driven_roles"))
     }
 
-    /// Returns the names of the blocks.
+    /// Names of the blocks.
     pub fn blocks(&self) -> Result<Vec<String>> {
         if !self.file.link_exists("VTKHDF") {
             return Ok(vec![]);
@@ -159,14 +155,14 @@ impl ResultsReader {
         VtkBlock::names(&self.group("VTKHDF")?).map_err(hdf5_error(&self.path, "VTKHDF"))
     }
 
-    /// Returns the simulated time of each frame, s.
+    /// Simulated time of each frame, s.
     pub fn times(&self) -> Result<Vec<f64>> {
         let Some(block) = self.blocks()?.into_iter().next() else { return Ok(vec![]) };
         let values = self.dataset(&format!("VTKHDF/{block}/Steps/Values"))?;
         self.rows(&values, 0..self.steps.len(), 1)
     }
 
-    /// Returns the poses of all bodies in a frame.
+    /// Poses of all bodies in a frame.
     pub fn poses(&self, frame: usize) -> Result<Vec<Pose>> {
         let (grains, driven) = self.bodies()?;
         let bodies = usize::try_from(grains).unwrap_or(usize::MAX).saturating_add(driven.len());
@@ -178,7 +174,7 @@ impl ResultsReader {
         Ok(both.map(|(p, q)| pose(p, q)).collect())
     }
 
-    /// Returns one block in one frame.
+    /// One block in one frame.
     pub fn block(&self, block: &str, frame: usize) -> Result<BlockFrame> {
         let at = format!("VTKHDF/{block}");
         let number = |name: &str, row: usize| -> Result<usize> {
@@ -239,7 +235,7 @@ impl ResultsReader {
         names.into_iter().map(array).collect()
     }
 
-    /// Returns the names of the tables.
+    /// Names of the tables.
     pub fn table_names(&self) -> Result<Vec<String>> {
         let names = self.group("tables")?.member_names();
         let mut names = names.map_err(hdf5_error(&self.path, "tables"))?;
@@ -247,7 +243,7 @@ impl ResultsReader {
         Ok(names)
     }
 
-    /// Returns a table.
+    /// A table.
     pub fn table(&self, name: &str) -> Result<ResultsTable> {
         let at = format!("tables/{name}");
         let group = self.group(&at)?;
@@ -269,7 +265,7 @@ impl ResultsReader {
         self.file.dataset(name).map_err(hdf5_error(&self.path, name))
     }
 
-    /// Returns the number of rows with `width` values of a dataset, limited by its size.
+    /// Rows of a dataset, of so many values each, that are there, and can be.
     fn rows<T: H5Type>(
         &self,
         dataset: &Dataset,
@@ -298,7 +294,7 @@ impl ResultsReader {
     }
 }
 
-/// Returns the claimed size of a dataset.
+/// As many as a dataset says that it has.
 fn rows_of(dataset: &Dataset) -> usize {
     dataset.shape().first().copied().unwrap_or(0)
 }

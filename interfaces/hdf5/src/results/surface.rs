@@ -1,38 +1,38 @@
-//! Bodies as polygons that are constant over the frames.
+//! Bodies as polygons: what never changes from frame to frame.
 //!
-//! Reads: model; the first frame's poses, which determine the drawn size of half-spaces.
+//! Reads: model; the first frame's poses, which say how large to draw half-spaces.
 
 use super::frame_data::single;
 use ballast::geometry::{AxisBox, Polyhedron};
 use ballast::math::{Pose, Vec3, frame};
 use ballast::model::{DrivenBody, Model, Part, Role};
 
-/// Group of bodies that viewers show or hide together.
+/// A group of bodies that viewers show or hide together.
 #[derive(Debug, Clone)]
 pub(crate) struct SurfaceMesh {
     pub name: &'static str,
-    pub pieces: Vec<SurfacePiece>,
+    pub pieces: Vec<Piece>,
 }
 
 /// Polygons fixed to one body, in its frame.
 #[derive(Debug, Clone)]
-pub(crate) struct SurfacePiece {
+pub(crate) struct Piece {
     pub body: usize,
-    /// Vertices of the polygons.
-    pub corners: PolygonCorners,
+    /// Corners: those of a shape of the model placed in the body, or its own.
+    pub corners: Corners,
 }
 
 #[derive(Debug, Clone)]
-pub(crate) enum PolygonCorners {
+pub(crate) enum Corners {
     Shape {
         shape: usize,
         pose: Pose,
     },
-    /// Vertices of one rectangle, m.
+    /// One rectangle.
     Rectangle([Vec3; 4]),
 }
 
-/// Lower and upper corner of the box around all bodies of finite size, m.
+/// Corners of the box that holds all bodies of finite size, m.
 pub(crate) type Extent = [Vec3; 2];
 
 /// Names of the surfaces, in the order of the file.
@@ -43,17 +43,17 @@ const NAMES: [(&str, Option<Role>); 4] = [
     ("boundary", Some(Role::Boundary)),
 ];
 
-/// Returns true if results may have a surface with this name.
+/// Whether results may have a surface of this name.
 pub(crate) fn is_named(name: &str) -> bool {
     NAMES.iter().any(|(known, _)| *known == name)
 }
 
-/// Returns the surfaces of a model that are not empty.
+/// The surfaces of a model that have any piece.
 pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<SurfaceMesh> {
     let ng = model.grains.len();
-    let grain = |body: usize| SurfacePiece {
+    let grain = |body: usize| Piece {
         body,
-        corners: PolygonCorners::Shape {
+        corners: Corners::Shape {
             shape: model.grains.shape[body] as usize,
             pose: Pose::identity(),
         },
@@ -71,22 +71,20 @@ pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<Surface
     NAMES.into_iter().map(surface).filter(|s| !s.pieces.is_empty()).collect()
 }
 
-fn driven(body: usize, driven: &DrivenBody, pose: &Pose, extent: &Extent) -> Vec<SurfacePiece> {
+fn driven(body: usize, driven: &DrivenBody, pose: &Pose, extent: &Extent) -> Vec<Piece> {
     let piece = |part: &Part| {
         let corners = match part {
-            Part::Convex { shape, pose } => {
-                PolygonCorners::Shape { shape: *shape as usize, pose: *pose }
-            }
+            Part::Convex { shape, pose } => Corners::Shape { shape: *shape as usize, pose: *pose },
             Part::HalfSpace { normal, offset } => {
-                PolygonCorners::Rectangle(rectangle(normal, *offset, pose, extent))
+                Corners::Rectangle(rectangle(normal, *offset, pose, extent))
             }
         };
-        SurfacePiece { body, corners }
+        Piece { body, corners }
     };
     driven.parts.iter().map(piece).collect()
 }
 
-/// Returns the part of a half-space's face next to the scene, in the body's frame.
+/// The part of a half-space's face that lies beside the scene, in the body's frame.
 fn rectangle(normal: &Vec3, offset: f64, pose: &Pose, extent: &Extent) -> [Vec3; 4] {
     let (t, s) = frame::tangents(normal);
     let mut low = [f64::INFINITY; 2];
@@ -103,7 +101,7 @@ fn rectangle(normal: &Vec3, offset: f64, pose: &Pose, extent: &Extent) -> [Vec3;
     [at(low[0], low[1]), at(high[0], low[1]), at(high[0], high[1]), at(low[0], high[1])]
 }
 
-/// Returns the box around all grains, or around the origins of all bodies without grains.
+/// The box around all grains, or around the origins of all bodies where there is no grain.
 pub(crate) fn extent(model: &Model, poses: &[Pose]) -> Extent {
     let ng = model.grains.len();
     let radius = |b: usize| match model.grains.shape.get(b) {
@@ -119,7 +117,7 @@ pub(crate) fn extent(model: &Model, poses: &[Pose]) -> Extent {
 }
 
 impl SurfaceMesh {
-    /// Returns the starts of the polygons `[nf + 1]`, their corners, and the body of each `[nf]`.
+    /// Starts of the polygons `[nf + 1]`, their corners, and the body of each `[nf]`.
     pub fn topology(&self, shapes: &[Polyhedron]) -> (Vec<i64>, Vec<i64>, Vec<i32>) {
         let (mut starts, mut corners, mut bodies) = (vec![0], vec![], vec![]);
         let mut first = 0;
@@ -130,7 +128,7 @@ impl SurfaceMesh {
         };
         for piece in &self.pieces {
             match &piece.corners {
-                PolygonCorners::Shape { shape, .. } => {
+                Corners::Shape { shape, .. } => {
                     let shape = &shapes[*shape];
                     for f in 0..shape.face_count() {
                         let face = shape.face(f).iter().map(|&v| first + i64::from(v));
@@ -138,7 +136,7 @@ impl SurfaceMesh {
                     }
                     first += shape.vertices.len() as i64;
                 }
-                PolygonCorners::Rectangle(_) => {
+                Corners::Rectangle(_) => {
                     polygon(piece.body, &mut (first..first + 4));
                     first += 4;
                 }
@@ -147,29 +145,29 @@ impl SurfaceMesh {
         (starts, corners, bodies)
     }
 
-    /// Returns the number of polygons of each piece, with its body.
+    /// Number of polygons of each piece, with its body.
     pub fn faces<'a>(
         &'a self,
         shapes: &'a [Polyhedron],
     ) -> impl Iterator<Item = (usize, usize)> + 'a {
         self.pieces.iter().map(|piece| match &piece.corners {
-            PolygonCorners::Shape { shape, .. } => (piece.body, shapes[*shape].face_count()),
-            PolygonCorners::Rectangle(_) => (piece.body, 1),
+            Corners::Shape { shape, .. } => (piece.body, shapes[*shape].face_count()),
+            Corners::Rectangle(_) => (piece.body, 1),
         })
     }
 
-    /// Returns all corners in world axes, m.
+    /// All corners in the world, m.
     pub fn points(&self, shapes: &[Polyhedron], poses: &[Pose]) -> Vec<[f32; 3]> {
         let mut points = vec![];
         for piece in &self.pieces {
             let body = &poses[piece.body];
             match &piece.corners {
-                PolygonCorners::Shape { shape, pose } => {
+                Corners::Shape { shape, pose } => {
                     let pose = body.then(pose);
                     let corners = &shapes[*shape].vertices;
                     points.extend(corners.iter().map(|v| single(&pose.point(v))));
                 }
-                PolygonCorners::Rectangle(corners) => {
+                Corners::Rectangle(corners) => {
                     points.extend(corners.iter().map(|v| single(&body.point(v))));
                 }
             }

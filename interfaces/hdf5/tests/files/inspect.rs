@@ -1,4 +1,4 @@
-//! Summaries of all kinds of files.
+//! Every file of ours tells what it is.
 
 use crate::scene;
 use ballast_hdf5::checkpoint::write;
