@@ -1,4 +1,4 @@
-//! Beds and checkpoints of runs: everything needed to go on bit for bit, in one sealed file.
+//! Beds and checkpoints of runs: everything from which a run continues bit for bit, in one sealed file.
 //!
 //! Reads and writes: model, state, and the case they belong to. Cost: one copy in memory, one pass
 //! over the file for its digest. Contract: `read(write(x)) == x` bit for bit; a file that was
@@ -7,7 +7,7 @@
 use crate::columns::{self, Column, Data};
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::hash;
-use crate::image::{self, Source};
+use crate::image::{self, ColumnSource};
 use crate::replace::check_file_kind;
 use crate::{decode, seal, validate};
 use ballast::model::Model;
@@ -19,22 +19,22 @@ use std::path::Path;
 /// Version of the format that this program writes and reads.
 pub const VERSION: u32 = 4;
 
-pub(crate) const FORMAT: seal::Format =
-    seal::Format { name: "ballast-checkpoint", version: VERSION };
+pub(crate) const FORMAT: seal::SealFormat =
+    seal::SealFormat { name: "ballast-checkpoint", version: VERSION };
 
-/// Whether the file is where runs start from, or the middle of one.
+/// Kind of a checkpoint file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Kind {
-    /// A prepared bed.
+    /// Prepared bed, the start of runs.
     Bed,
-    /// A run, to be resumed.
+    /// State of a run that can be resumed.
     Run,
 }
 
 impl Kind {
     const ALL: [Kind; 2] = [Kind::Bed, Kind::Run];
 
-    /// The kind's word in files and messages.
+    /// Name of the kind in files and messages.
     pub fn name(self) -> &'static str {
         match self {
             Kind::Bed => "bed",
@@ -43,38 +43,41 @@ impl Kind {
     }
 }
 
-/// What a file holds.
+/// Content of a checkpoint file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
+    /// Model of the bed or run.
     pub model: Model,
+    /// State of the bed or run.
     pub state: State,
+    /// Kind of the file.
     pub kind: Kind,
     /// Name of the case.
     pub case_name: String,
-    /// The case file's text, as it was read.
+    /// Text of the case file.
     pub case_text: String,
-    /// What the content depends on, for a cache: equal keys, equal beds.
+    /// Content key of the bed: equal keys mean equal beds.
     pub key: String,
-    /// The caller's own notes.
+    /// Notes of the caller.
     pub extra: BTreeMap<String, String>,
 }
 
-/// Writes `checkpoint` to `path`, which is replaced only when all is on the disk.
+/// Writes `checkpoint` to `path`, which is replaced only when the new file is on the disk.
 ///
-/// Errors: [`Error::Refused`] for a model or state that could not be stepped (nothing is touched),
-/// [`Error::Io`] from the operating system (no room: the earlier file is left as it was).
+/// # Errors
+/// [`Error::Refused`] for a model or state that could not be stepped (nothing is touched),
+/// [`Error::Io`] from the operating system; the earlier file is then unchanged.
 pub fn write(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<()> {
     let path = path.as_ref();
     seal::write(path, &FORMAT, &image_of(path, checkpoint)?)
 }
 
-/// Refuses a path where something else than a bed or a checkpoint lies, of whatever version: [`write()`] replaces any
-/// file.
+/// Checks that `path` is free, or a bed or checkpoint of any version, because [`write()`] replaces any file.
 ///
 /// # Errors
-/// [`Error::Refused`], or the system refuses.
+/// [`Error::Refused`] for another file; a file that cannot be read.
 pub fn may_become_a_checkpoint(path: impl AsRef<Path>) -> Result<()> {
-    check_file_kind(path.as_ref(), "a checkpoint of ours", |file| {
+    check_file_kind(path.as_ref(), "a checkpoint of Ballast", |file| {
         let mut start = vec![];
         let begins = format!("{} ", FORMAT.name);
         let read = file.take(begins.len() as u64).read_to_end(&mut start);
@@ -82,16 +85,18 @@ pub fn may_become_a_checkpoint(path: impl AsRef<Path>) -> Result<()> {
     })
 }
 
-/// The file that [`write()`] would leave, as bytes to be put into another one: that at `path`, which errors name.
+/// Returns the bytes that [`write()`] would write, for a part of another file at `path`, which errors name.
 ///
-/// Errors: as for [`write()`].
+/// # Errors
+/// As for [`write()`].
 pub fn to_bytes(path: impl AsRef<Path>, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
     Ok(seal::bytes(&FORMAT, &image_of(path.as_ref(), checkpoint)?))
 }
 
 /// Reads the checkpoint in `bytes`.
 ///
-/// Errors: as for [`read`]; they name a file of the moment, since HDF5 reads files.
+/// # Errors
+/// As for [`read`]; they name a temporary file, because HDF5 reads files.
 pub fn from_bytes(bytes: &[u8]) -> Result<Checkpoint> {
     let folder = std::env::temp_dir();
     let mut file =
@@ -130,13 +135,14 @@ fn about(checkpoint: &Checkpoint, fingerprint: String) -> Vec<Column<'static>> {
 
 /// Reads the checkpoint in `path`.
 ///
-/// Errors: [`Error::Version`] for another version of the format; [`Error::Damaged`], with dataset,
-/// expected and found, for everything else that is not exactly what was written.
+/// # Errors
+/// [`Error::Version`] for another version of the format; [`Error::Damaged`], with dataset,
+/// expected and found, for any other difference from the written file.
 pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     let path = path.as_ref();
     let size = seal::check(path, &FORMAT)?;
     let file = image::open(path).map_err(hdf5_error(path, "content"))?;
-    let source = Source { path, file: &file, size, packed: false };
+    let source = ColumnSource { path, file: &file, size, packed: false };
     check_version(&source)?;
     let model = decode::model(&source)?;
     let state = decode::state(&source, &model)?;
@@ -155,7 +161,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Checkpoint> {
     })
 }
 
-fn check_version(source: &Source) -> Result<()> {
+fn check_version(source: &ColumnSource) -> Result<()> {
     let found = (source.text("about/format")?, source.number::<u32>("about/version")?);
     if found == (FORMAT.name.to_string(), VERSION) {
         return Ok(());
@@ -167,7 +173,7 @@ fn check_version(source: &Source) -> Result<()> {
     })
 }
 
-fn check_fingerprint(source: &Source, model: &Model, state: &State) -> Result<()> {
+fn check_fingerprint(source: &ColumnSource, model: &Model, state: &State) -> Result<()> {
     let expected = source.text("about/state_hash")?;
     let found = format!("{:032x}", hash::state_hash(model, state));
     if expected == found {
@@ -176,9 +182,9 @@ fn check_fingerprint(source: &Source, model: &Model, state: &State) -> Result<()
     Err(Fault::new("about/state_hash", expected, found).in_file(source.path))
 }
 
-/// Seals a file again whose datasets were edited on purpose with another HDF5 program.
+/// Seals a file again after a deliberate change of its datasets with another HDF5 program.
 ///
-/// The values themselves are still checked by [`read`], against `about/state_hash` too.
+/// [`read`] still checks the values, and compares them with `about/state_hash`.
 #[doc(hidden)]
 pub fn reseal(path: impl AsRef<Path>) -> Result<()> {
     seal::reseal(path.as_ref(), &FORMAT)

@@ -1,7 +1,7 @@
-//! Model and state as named columns: the one list that is hashed, written and documented.
+//! Model and state as named columns: the list that is hashed, written and documented.
 //!
-//! Reads: model, state. Writes: nothing. Cost: none for what a state has most of, which is lent; the hash of a state is
-//! taken after every window.
+//! Reads: model, state. Writes: nothing. Cost: small, because large arrays are borrowed; the hash of a state is
+//! computed after every window.
 //! Contract: every field of [`Model`] and [`State`] is here, f64 bit for bit; memory of windows and driver is not
 //! hashed. Variable lengths are stored as starts `[n + 1]` into flat arrays.
 
@@ -15,7 +15,7 @@ use ballast::state::State;
 use ballast::window_memory::{SQUEEZE_TRACK_VERSION, SqueezeTrack, Twist};
 use std::borrow::Cow;
 
-/// A named array `[rows]` or, where `width` is above 1, `[rows, width]`.
+/// Named array `[rows]` or, where `width` is above 1, `[rows, width]`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Column<'a> {
     pub name: &'static str,
@@ -24,7 +24,7 @@ pub(crate) struct Column<'a> {
 }
 
 impl Column<'_> {
-    /// What the column belongs to: the first part of its name.
+    /// Group of the column: the first segment of its name.
     pub fn group(&self) -> &'static str {
         self.name.split('/').next().unwrap_or_default()
     }
@@ -33,9 +33,9 @@ impl Column<'_> {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) enum Data<'a> {
     F64(Cow<'a, [f64]>),
-    /// Rows x, y, z.
+    /// Rows of x, y, z.
     Vectors(&'a [Vec3]),
-    /// Rows w, x, y, z: as people and numpy programs write them.
+    /// Rows of w, x, y, z, the usual order in NumPy programs.
     Quaternions(&'a [Quat]),
     U64(Cow<'a, [u64]>),
     U32(Cow<'a, [u32]>),
@@ -44,7 +44,7 @@ pub(crate) enum Data<'a> {
     Text(Vec<String>),
 }
 
-/// The row of a vector, and of a quaternion.
+/// Returns the components of a vector.
 pub(crate) fn xyz(v: &Vec3) -> [f64; 3] {
     [v.x, v.y, v.z]
 }
@@ -53,11 +53,11 @@ pub(crate) fn wxyz(q: &Quat) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
-/// Kinds of parts, in files.
+/// Numbers of the kinds of parts in files.
 pub(crate) const CONVEX: u8 = 0;
 pub(crate) const HALF_SPACE: u8 = 1;
 
-/// Columns of a model and a state that are hashed, in the order of the format.
+/// Returns the hashed columns of a model and a state, in the order of the format.
 pub(crate) fn of<'a>(model: &'a Model, state: &'a State) -> Vec<Column<'a>> {
     let mut columns = shapes(&model.shapes);
     columns.extend(bodies(model));
@@ -90,7 +90,7 @@ fn quaternions<'a>(name: &'static str, data: &'a [Quat]) -> Column<'a> {
     Column { name, width: 4, data: Data::Quaternions(data) }
 }
 
-/// Rows of numbers that lie nowhere as such.
+/// Collects rows of numbers from items.
 fn rows<const N: usize>(
     name: &'static str,
     rows: impl Iterator<Item = [f64; N]>,
@@ -166,7 +166,7 @@ fn bodies(model: &Model) -> Vec<Column<'_>> {
         text("driven/name", driven.iter().map(|d| d.name.clone()).collect()),
         text("driven/role", driven.iter().map(|d| d.role.name().into()).collect()),
         f64s("driven/friction", driven.iter().map(|d| d.friction).collect::<Vec<_>>()),
-        // Of the mounted bodies alone, which come first.
+        // Only of the mounted bodies, which come first.
         Column { name: "driven/mount", width: MOUNT, data: Data::F64(mounts) },
         starts("driven/first_part", driven, |d| d.parts.len()),
         Column { name: "parts/kind", width: 1, data: Data::U8(parts().map(kind).collect()) },
@@ -179,14 +179,14 @@ fn bodies(model: &Model) -> Vec<Column<'_>> {
     ]
 }
 
-/// Numbers of a mount.
+/// Number of values of a mount.
 pub(crate) const MOUNT: usize = 25;
-/// Modes of degrees of freedom, as numbers.
+/// Numbers of the modes of degrees of freedom.
 pub(crate) const HELD: f64 = 0.0;
 pub(crate) const LOADED: f64 = 1.0;
 pub(crate) const SPRUNG: f64 = 2.0;
 
-/// Mass, inertia x y z, centre x y z, then mode, stiffness and damping of each degree of freedom.
+/// Returns mass, inertia x y z, centre x y z, then mode, stiffness and damping of each degree of freedom.
 fn mount_row(mount: &Mount) -> [f64; MOUNT] {
     let (j, c) = (&mount.inertia, &mount.centre);
     let mut row = [0.0; MOUNT];
@@ -203,13 +203,13 @@ fn mount_row(mount: &Mount) -> [f64; MOUNT] {
     row
 }
 
-/// Position, orientation w x y z.
+/// Returns position and orientation w x y z.
 fn pose_row(pose: &Pose) -> [f64; 7] {
     let (p, q) = (&pose.position, &pose.orientation);
     [p.x, p.y, p.z, q.w, q.i, q.j, q.k]
 }
 
-/// Convex part: position, orientation w x y z. Half-space: normal, offset, zeros.
+/// Returns position and orientation w x y z of a convex part, or normal, offset and zeros of a half-space.
 fn placement(part: &Part) -> [f64; 7] {
     match part {
         Part::Convex { pose, .. } => pose_row(pose),
@@ -217,9 +217,9 @@ fn placement(part: &Part) -> [f64; 7] {
     }
 }
 
-/// Only in files of models whose iterations have no momentum; no numbers.
+/// Name of an empty column, only in files of models without acceleration.
 pub const PLAIN: &str = "solver/plain";
-/// Share and allowed penetration; only in files of models with recovery.
+/// Name of the column with factor and slop, only in files of models with penetration correction.
 pub const RECOVERY: &str = "solver/recovery";
 
 fn constants(model: &Model) -> Vec<Column<'_>> {
@@ -255,7 +255,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         u32s("solver/iterations", vec![max_iterations]),
         u32s("solver/subdomain_sweeps", vec![subdomain_sweeps]),
         u32s("solver/interface_sweeps", vec![interface_sweeps]),
-        // Empty: no tolerance.
+        // Empty without a tolerance.
         f64s("solver/tolerance", tolerance.into_iter().collect::<Vec<_>>()),
         text("solver/norm", vec![norm.name().into()]),
         u32s("solver/check_every", vec![convergence_check_interval]),
@@ -265,7 +265,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
     if acceleration == Acceleration::None {
         columns.push(f64s(PLAIN, Vec::new()));
     }
-    // Not there: no recovery, as in files of before there was any.
+    // Absent without penetration correction.
     if let Some(PenetrationCorrection { factor, slop, iterations }) = penetration_correction {
         columns.push(f64s(RECOVERY, vec![factor, slop]));
         columns.push(u32s("solver/recovery_iterations", vec![iterations]));
@@ -306,10 +306,10 @@ fn of_state(state: &State) -> Vec<Column<'_>> {
     ]
 }
 
-/// Numbers of a twist: 1 or 0 for known or unknown, then velocity and angular velocity.
+/// Returns 1 or 0 for a known or unknown twist, then velocity and angular velocity.
 pub(crate) const TWIST: usize = 7;
 
-/// Columns of the memory of windows and of the driver's state, which are written and not hashed.
+/// Returns the columns of the window memory and of the driver state, which are written but not hashed.
 pub(crate) fn of_memory(state: &State) -> Vec<Column<'_>> {
     let (window, driver) = (&state.window, &state.driver);
     let twist = |twist: &Option<Twist>| {

@@ -1,11 +1,10 @@
-//! Model and state from the columns of a file.
+//! Conversion of the columns of a file to model and state.
 //!
-//! Reads: a [`Source`]. Contract: what comes back has consistent lengths; that its values make sense
-//! is [`crate::validate`]'s task.
+//! Reads: a [`ColumnSource`]. Contract: the result has consistent lengths; [`crate::validate`] checks its values.
 
 use crate::columns::{CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, PLAIN, RECOVERY, SPRUNG, TWIST};
 use crate::error::{Fault, Result};
-use crate::image::Source;
+use crate::image::ColumnSource;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
@@ -19,7 +18,7 @@ use ballast::window_memory::{
 use std::ops::Range;
 use std::sync::Arc;
 
-pub(crate) fn model(source: &Source) -> Result<Model> {
+pub(crate) fn model(source: &ColumnSource) -> Result<Model> {
     let shapes = shapes(source)?;
     let ng = source.numbers::<u32>("grains/shape", None, 1)?;
     let grains = Grains {
@@ -43,7 +42,7 @@ pub(crate) fn model(source: &Source) -> Result<Model> {
     })
 }
 
-pub(crate) fn state(source: &Source, model: &Model) -> Result<State> {
+pub(crate) fn state(source: &ColumnSource, model: &Model) -> Result<State> {
     let nb = Some(model.body_count());
     let orientation = source.reals("state/orientation", nb, 4)?;
     let energy = source.reals("state/energy", Some(6), 1)?;
@@ -79,8 +78,8 @@ pub(crate) fn state(source: &Source, model: &Model) -> Result<State> {
     })
 }
 
-/// Memory of windows; that its lengths fit is checked with the state.
-fn window(source: &Source, bodies: usize) -> Result<WindowMemory> {
+/// Reads the window memory; its lengths are checked with the state.
+fn window(source: &ColumnSource, bodies: usize) -> Result<WindowMemory> {
     let fault = |name, expected: String, found: String| {
         Err(Fault::new(name, expected, found).in_file(source.path))
     };
@@ -115,7 +114,7 @@ fn window(source: &Source, bodies: usize) -> Result<WindowMemory> {
     })
 }
 
-fn contacts(source: &Source) -> Result<ContactMemory> {
+fn contacts(source: &ColumnSource) -> Result<ContactMemory> {
     let bodies: Vec<u32> = source.numbers("contacts/bodies", None, 2)?;
     let bodies = bodies.as_chunks().0.to_vec();
     let nc = Some(bodies.len());
@@ -127,12 +126,12 @@ fn contacts(source: &Source) -> Result<ContactMemory> {
     })
 }
 
-/// The components as they were written: normalising again would change the last bits.
+/// Returns a quaternion with the written components, because normalising would change the last bits.
 fn quaternion(c: &[f64; 4]) -> Quat {
     Quat::new_unchecked(nalgebra::Quaternion::new(c[0], c[1], c[2], c[3]))
 }
 
-/// Position, orientation w x y z.
+/// Returns a pose from position and orientation w x y z.
 fn pose(p: &[f64; 7]) -> Pose {
     Pose {
         position: Vec3::new(p[0], p[1], p[2]),
@@ -140,13 +139,13 @@ fn pose(p: &[f64; 7]) -> Pose {
     }
 }
 
-fn vectors(source: &Source, name: &str, rows: Option<usize>) -> Result<Vec<Vec3>> {
+fn vectors(source: &ColumnSource, name: &str, rows: Option<usize>) -> Result<Vec<Vec3>> {
     let flat = source.reals(name, rows, 3)?;
     Ok(flat.as_chunks::<3>().0.iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect())
 }
 
-/// Ranges into flat arrays, from starts `[items + 1]`; the last start is the arrays' length.
-fn ranges(source: &Source, name: &str, items: Option<usize>) -> Result<Vec<Range<usize>>> {
+/// Returns ranges into flat arrays from starts `[items + 1]`; the last start is the arrays' length.
+fn ranges(source: &ColumnSource, name: &str, items: Option<usize>) -> Result<Vec<Range<usize>>> {
     let starts: Vec<u64> = source.numbers(name, items.map(|n| n + 1), 1)?;
     // No flat array can have more elements than the file has bytes.
     let bounded = starts.last().is_some_and(|&n| n <= source.size);
@@ -162,7 +161,7 @@ fn total(ranges: &[Range<usize>]) -> Option<usize> {
     Some(ranges.last().map_or(0, |r| r.end))
 }
 
-fn shapes(source: &Source) -> Result<Vec<Polyhedron>> {
+fn shapes(source: &ColumnSource) -> Result<Vec<Polyhedron>> {
     let volume = source.reals("shapes/volume", None, 1)?;
     let ns = Some(volume.len());
     let of_vertices = ranges(source, "shapes/first_vertex", ns)?;
@@ -174,7 +173,7 @@ fn shapes(source: &Source) -> Result<Vec<Polyhedron>> {
     let vertices = vectors(source, "shapes/vertices", total(&of_vertices))?;
     let normals = vectors(source, "shapes/face_normals", nf)?;
     let offsets = source.reals("shapes/face_offsets", nf, 1)?;
-    // One start more than faces, for each shape.
+    // Each shape has one start more than faces.
     let starts: Vec<u32> = source.numbers("shapes/face_starts", nf.map(|n| n + volume.len()), 1)?;
     let corners: Vec<u16> = source.numbers("shapes/face_vertices", total(&of_corners), 1)?;
     let edges: Vec<u16> = source.numbers("shapes/edges", total(&of_edges), 4)?;
@@ -200,7 +199,7 @@ fn edge(e: &[u16; 4]) -> Edge {
     Edge { vertices: [e[0], e[1]], faces: [e[2], e[3]] }
 }
 
-fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
+fn driven(source: &ColumnSource) -> Result<Vec<DrivenBody>> {
     let names = source.texts("driven/name", None)?;
     let nd = Some(names.len());
     let roles = source.texts("driven/role", nd)?;
@@ -222,7 +221,7 @@ fn driven(source: &Source) -> Result<Vec<DrivenBody>> {
     names.into_iter().enumerate().map(body).collect()
 }
 
-fn mount(source: &Source, row: &[f64; MOUNT]) -> Result<Mount> {
+fn mount(source: &ColumnSource, row: &[f64; MOUNT]) -> Result<Mount> {
     let freedom = |&[mode, stiffness, damping]: &[f64; 3]| match mode {
         HELD => Ok(DofMode::Prescribed),
         LOADED => Ok(DofMode::Free),
@@ -241,7 +240,7 @@ fn mount(source: &Source, row: &[f64; MOUNT]) -> Result<Mount> {
     })
 }
 
-fn parts(source: &Source, count: Option<usize>) -> Result<Vec<Part>> {
+fn parts(source: &ColumnSource, count: Option<usize>) -> Result<Vec<Part>> {
     let kinds: Vec<u8> = source.numbers("parts/kind", count, 1)?;
     let shapes: Vec<u32> = source.numbers("parts/shape", count, 1)?;
     let placements = source.reals("parts/placement", count, 7)?;
@@ -255,7 +254,7 @@ fn parts(source: &Source, count: Option<usize>) -> Result<Vec<Part>> {
     kinds.into_iter().zip(shapes).zip(placements.as_chunks().0).map(part).collect()
 }
 
-fn solver(source: &Source) -> Result<Solver> {
+fn solver(source: &ColumnSource) -> Result<Solver> {
     let tolerance = source.reals("solver/tolerance", None, 1)?;
     if tolerance.len() > 1 {
         let found = format!("{} values", tolerance.len());
@@ -278,7 +277,7 @@ fn solver(source: &Source) -> Result<Solver> {
     })
 }
 
-fn penetration_correction(source: &Source) -> Result<Option<PenetrationCorrection>> {
+fn penetration_correction(source: &ColumnSource) -> Result<Option<PenetrationCorrection>> {
     if !source.has(RECOVERY) {
         return Ok(None);
     }
@@ -290,7 +289,7 @@ fn penetration_correction(source: &Source) -> Result<Option<PenetrationCorrectio
     }))
 }
 
-fn partition(source: &Source) -> Result<PartitionRule> {
+fn partition(source: &ColumnSource) -> Result<PartitionRule> {
     let rule = source.text("solver/partition")?;
     let numbers: Vec<u32> = source.numbers("solver/partition_numbers", None, 1)?;
     match (rule.as_str(), &numbers[..]) {

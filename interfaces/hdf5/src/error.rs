@@ -1,34 +1,76 @@
-//! What can go wrong with a file: which file, where in it, what was expected and what was found.
+//! Errors of reading and writing HDF5 files.
 
 use std::path::{Path, PathBuf};
 
-/// Errors of this crate.
+/// Error of reading or writing an HDF5 file.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The operating system refused: no such file, no room, no permission.
+    /// A file operation that failed.
     #[error("{path}: cannot {action}: {source}")]
-    Io { path: PathBuf, action: &'static str, source: std::io::Error },
-    /// The HDF5 library refused.
+    Io {
+        /// Path of the file.
+        path: PathBuf,
+        /// Name of the operation.
+        action: &'static str,
+        /// Reason given by the system.
+        source: std::io::Error,
+    },
+    /// An operation of the HDF5 library that failed.
     #[error("{path}: {place}: {message}")]
-    Hdf5 { path: PathBuf, place: String, message: String },
-    /// The file is damaged, or no file of ours.
+    Hdf5 {
+        /// Path of the file.
+        path: PathBuf,
+        /// Position in the file.
+        place: String,
+        /// Message of the library.
+        message: String,
+    },
+    /// A file that is damaged, or not of Ballast.
     #[error("{path}: {place}: expected {expected}, found {found}")]
-    Damaged { path: PathBuf, place: String, expected: String, found: String },
-    /// The file was written in a format that this program does not read.
+    Damaged {
+        /// Path of the file.
+        path: PathBuf,
+        /// Position in the file.
+        place: String,
+        /// Expected content.
+        expected: String,
+        /// Found content.
+        found: String,
+    },
+    /// A file in a format that this program does not read.
     #[error("{path}: format: expected {expected}, found {found}")]
-    Version { path: PathBuf, expected: String, found: String },
-    /// What was to be written makes no sense; no file was touched.
+    Version {
+        /// Path of the file.
+        path: PathBuf,
+        /// Expected content.
+        expected: String,
+        /// Found content.
+        found: String,
+    },
+    /// Invalid content that was not written; no file was changed.
     #[error("{path}: not written: {place}: expected {expected}, found {found}")]
-    Refused { path: PathBuf, place: String, expected: String, found: String },
-    /// The thread that writes results is gone.
+    Refused {
+        /// Path of the file.
+        path: PathBuf,
+        /// Position in the file.
+        place: String,
+        /// Expected content.
+        expected: String,
+        /// Found content.
+        found: String,
+    },
+    /// The thread that writes results has ended.
     #[error("{path}: the writing thread ended early")]
-    WriterGone { path: PathBuf },
+    WriterGone {
+        /// Path of the file.
+        path: PathBuf,
+    },
 }
 
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// A value that is not what it should be; the caller knows the file.
+/// Invalid value at a place in a file that the caller knows.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fault {
     pub place: String,
@@ -45,13 +87,13 @@ impl Fault {
         Self { place: place.into(), expected: expected.into(), found: found.to_string() }
     }
 
-    /// The fault of a file that was read.
+    /// Converts the fault to the error of a file that was read.
     pub fn in_file(self, path: &Path) -> Error {
         let Self { place, expected, found } = self;
         Error::Damaged { path: path.into(), place, expected, found }
     }
 
-    /// The fault of something that was to be written.
+    /// Converts the fault to the error of content that was not written.
     pub fn refused(self, path: &Path) -> Error {
         let Self { place, expected, found } = self;
         Error::Refused { path: path.into(), place, expected, found }
@@ -71,8 +113,8 @@ pub(crate) fn hdf5(path: &Path, place: &str) -> impl FnOnce(::hdf5::Error) -> Er
     move |e| Error::Hdf5 { path, place, message: words(&e.to_string()) }
 }
 
-/// What the library says, and of what it tells about a call to the operating system the system's own words. Of the usual
-/// files that it does not open, what they are.
+/// Returns the message of the library, and for a failed system call that of the system. Describes usual files that are not
+/// HDF5.
 fn words(message: &str) -> String {
     let number = |before: &str| {
         let (_, told) = message.split_once(before)?;

@@ -1,4 +1,4 @@
-//! Results as files that need no HDF5: VTK XML for viewers, CSV for tables.
+//! Export of results to files without HDF5: VTK XML for viewers, CSV for tables.
 //!
 //! Reads: a results file. Writes: `BLOCK_NNNN.vtp` per frame, `frames.pvd` that lists them over time,
 //! `NAME.csv` per table. Source of the format: VTK file formats, "PolyData" (docs.vtk.org).
@@ -11,17 +11,17 @@ use base64::engine::general_purpose::STANDARD;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Lists the frames over time.
+/// Name of the file that lists the frames over time.
 const LIST: &str = "frames.pvd";
 
-/// Writes everything in `results` to `folder`, which is made when needed; returns the files.
+/// Writes everything in `results` to `folder`, which is created if necessary; returns the files.
 pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec<PathBuf>> {
     let (reader, folder) = (ResultsReader::open(results)?, folder.as_ref());
     std::fs::create_dir_all(folder).map_err(io(folder, "create the folder"))?;
     let earlier = listed(folder);
     let mut files = frames(&reader, folder)?;
     for stale in earlier.iter().map(|name| folder.join(name)).filter(|path| !files.contains(path)) {
-        // Else a reader that goes by names would show two runs as one, and one that goes by the list nothing.
+        // Otherwise a reader of file names would show two runs as one, and a reader of the list nothing.
         let _ = std::fs::remove_file(stale);
     }
     for name in reader.table_names()? {
@@ -30,7 +30,7 @@ pub fn export(results: impl AsRef<Path>, folder: impl AsRef<Path>) -> Result<Vec
     Ok(files)
 }
 
-/// The frames that an earlier export to the folder has listed, and the list; nothing of a list that is not ours.
+/// Returns the frames that an earlier export to the folder listed, and the list; nothing for a list of another program.
 fn listed(folder: &Path) -> Vec<String> {
     let list = std::fs::read_to_string(folder.join(LIST)).unwrap_or_default();
     let names = list.split("file=\"").skip(1).filter_map(|rest| rest.split('"').next());
@@ -41,7 +41,7 @@ fn listed(folder: &Path) -> Vec<String> {
     names.into_iter().chain([LIST.into()]).collect()
 }
 
-/// Whether a file has the name of a frame of ours: a block and a number.
+/// Returns true if a file has the name of an exported frame: a block and a number.
 fn is_frame(name: &str) -> bool {
     let parts = name.strip_suffix(".vtp").and_then(|stem| stem.rsplit_once('_'));
     parts.is_some_and(|(block, number)| {
@@ -78,7 +78,7 @@ fn frames(reader: &ResultsReader, folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// One piece of PolyData: polygons, or a vertex per point where there are none.
+/// Returns one piece of PolyData: polygons, or a vertex per point without polygons.
 fn vtp(block: &BlockFrame) -> String {
     let points = block.points.len();
     let polygons = block.polygon_ends.len();
@@ -122,7 +122,7 @@ fn integers(xml: &mut String, name: &str, values: &[i64]) {
     data_array(xml, "Int64", name, 1, bytes);
 }
 
-/// Number of bytes, then the bytes, in one base64 text.
+/// Encodes the number of bytes and the bytes as one base64 text.
 fn data_array(xml: &mut String, kind: &str, name: &str, width: usize, bytes: Vec<u8>) {
     let mut block = (bytes.len() as u64).to_le_bytes().to_vec();
     block.extend(bytes);
@@ -134,7 +134,7 @@ fn data_array(xml: &mut String, kind: &str, name: &str, width: usize, bytes: Vec
     );
 }
 
-/// Columns as `name [unit]`; numbers in the shortest form that reads back to the same bits.
+/// Writes columns as `name [unit]`, and numbers in the shortest form with the same bits.
 fn csv(table: &ResultsTable) -> String {
     let mut text = String::from("step");
     for (name, unit) in &table.columns {
@@ -153,7 +153,7 @@ fn csv(table: &ResultsTable) -> String {
     text
 }
 
-/// A cell of a CSV file (RFC 4180).
+/// Quotes a cell of a CSV file (RFC 4180).
 pub fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n', '\r']) {
         format!("\"{}\"", text.replace('"', "\"\""))

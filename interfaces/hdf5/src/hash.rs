@@ -1,38 +1,38 @@
-//! A 128-bit fingerprint of model and state.
+//! 128-bit hash of model and state.
 
 use crate::columns::{self, Column, Data};
 use ballast::model::Model;
 use ballast::state::State;
 
-/// Fingerprint of model, bodies, contacts and energy: equal bytes, equal fingerprint.
+/// Returns the hash of model, bodies, contacts and energy: equal bytes have equal hashes.
 ///
 /// The memory of windows and the state of the driver are not part of it, so that runs of one motion end with one hash,
 /// whatever drives them.
 ///
 /// The first 128 bits of BLAKE3 over names, widths, lengths and little-endian values of all columns.
-/// `0.0` and `-0.0` differ. Not changed by how or where a file was written.
+/// `0.0` and `-0.0` differ. The hash does not depend on a file.
 pub fn state_hash(model: &Model, state: &State) -> u128 {
     of_columns(&columns::of(model, state))
 }
 
 pub(crate) fn of_columns(columns: &[Column]) -> u128 {
-    let mut sink = Sink { hasher: blake3::Hasher::new(), buffer: vec![0; BUFFER] };
+    let mut sink = HashBuffer { hasher: blake3::Hasher::new(), buffer: vec![0; BUFFER] };
     columns.iter().for_each(|column| sink.feed(column));
-    let Sink { hasher, .. } = sink;
+    let HashBuffer { hasher, .. } = sink;
     let mut first = [0; 16];
     first.copy_from_slice(&hasher.finalize().as_bytes()[..16]);
     u128::from_be_bytes(first)
 }
 
-/// Large enough for all lanes of the hash, small enough for a cache, bytes.
+/// Size of the buffer, bytes: large enough for all lanes of the hash, small enough for a cache.
 const BUFFER: usize = 1 << 16;
 
-struct Sink {
+struct HashBuffer {
     hasher: blake3::Hasher,
     buffer: Vec<u8>,
 }
 
-impl Sink {
+impl HashBuffer {
     fn feed(&mut self, column: &Column) {
         self.frame(column.name.as_bytes());
         self.hasher.update(&(column.width as u64).to_le_bytes());
@@ -51,19 +51,19 @@ impl Sink {
         }
     }
 
-    /// What kind of values, and how many.
+    /// Adds type and number of values.
     fn head(&mut self, tag: u8, count: usize) {
         self.hasher.update(&[tag]);
         self.hasher.update(&(count as u64).to_le_bytes());
     }
 
-    /// Length first, so that neighbouring texts cannot trade letters.
+    /// Adds a text with its length first, so that adjacent texts differ from their concatenation.
     fn frame(&mut self, bytes: &[u8]) {
         self.hasher.update(&(bytes.len() as u64).to_le_bytes());
         self.hasher.update(bytes);
     }
 
-    /// Rows of numbers, as the same numbers one after the other.
+    /// Adds rows of numbers as a flat sequence.
     fn floats<T, const N: usize>(&mut self, rows: &[T], row: impl Fn(&T) -> [f64; N]) {
         self.head(1, N * rows.len());
         self.through_buffer(rows, 8 * N, |item, place| {
@@ -78,7 +78,7 @@ impl Sink {
         self.through_buffer(values, N, |value, place| place.copy_from_slice(&bytes(value)));
     }
 
-    /// The bytes of items, `size` of each.
+    /// Adds the bytes of items, `size` bytes each.
     fn through_buffer<T>(&mut self, items: &[T], size: usize, put: impl Fn(&T, &mut [u8])) {
         for chunk in items.chunks(BUFFER / size) {
             for (place, item) in self.buffer.chunks_exact_mut(size).zip(chunk) {

@@ -1,7 +1,7 @@
-//! Columns to and from HDF5 datasets.
+//! Conversion of columns to and from HDF5 datasets.
 //!
-//! Files are made in memory and written by [`crate::seal`]: the HDF5 library never sees a full disk,
-//! after which it can neither write nor close its file.
+//! Files are built in memory and written by [`crate::seal`], because the HDF5 library can neither write nor close a file
+//! after a full disk.
 //! Contract of reading: type, rank, width and number of rows are compared, and the claimed size is
 //! bounded by the file's, before anything is allocated.
 
@@ -12,18 +12,18 @@ use hdf5::{Dataset, File, H5Type};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The word of a value, in files.
+/// Function that returns the name of a value in files.
 type Word<T> = fn(T) -> &'static str;
 
-/// Bytes that one byte of deflated data can stand for.
+/// Maximum ratio of inflated to deflated bytes.
 pub(crate) const DEFLATE_AT_BEST: u64 = 1032;
-/// Largest compressed dataset that is read, bytes.
-const MOST_UNPACKED: u64 = 1 << 30;
+/// Maximum size of a compressed dataset after inflation, bytes.
+const MAX_INFLATED_BYTES: u64 = 1 << 30;
 
-/// A file in memory, in the oldest format: later ones carry a checksum of their first block, which
-/// the library does not bring up to date in the image that it gives.
+/// Creates a file in memory in the oldest format. Later formats have a checksum of their first block, which
+/// the library does not update in the image.
 pub(crate) fn new_image(path: &Path) -> Result<File> {
-    // No file of this name is made: that of the path may be none for the library, to which two of one name are one.
+    // No file of this name is created. The path itself may be unusable for the library, which identifies files by name.
     static MADE: AtomicU64 = AtomicU64::new(0);
     let name = format!("image {}", MADE.fetch_add(1, Ordering::Relaxed));
     File::with_options()
@@ -32,12 +32,12 @@ pub(crate) fn new_image(path: &Path) -> Result<File> {
         .map_err(hdf5_error(path, "image in memory"))
 }
 
-/// Opens a file for reading, without a lock: readers never stand in a writer's way.
+/// Opens a file for reading without a lock, so that readers do not block a writer.
 pub(crate) fn open(path: &Path) -> hdf5::Result<File> {
     File::with_options().with_fapl(|p| p.file_locking(false)).open(path)
 }
 
-/// The bytes of a file in memory.
+/// Returns the bytes of a file in memory.
 pub(crate) fn bytes_of(file: &File, path: &Path) -> Result<Vec<u8>> {
     file.flush().map_err(hdf5_error(path, "image in memory"))?;
     let failed = || io(path, "copy the image of")(std::io::Error::other("HDF5 gave no image"));
@@ -53,7 +53,7 @@ pub(crate) fn bytes_of(file: &File, path: &Path) -> Result<Vec<u8>> {
     })
 }
 
-/// Writes one column as a dataset; its group is made when needed.
+/// Writes one column as a dataset; creates its group if necessary.
 pub(crate) fn put(file: &File, path: &Path, column: &Column) -> Result<()> {
     let name = column.name;
     let done = match &column.data {
@@ -85,14 +85,14 @@ pub(crate) fn put(file: &File, path: &Path, column: &Column) -> Result<()> {
     done.map_err(hdf5_error(path, name))
 }
 
-/// Writes an array as a dataset; its group is made when needed.
+/// Writes an array as a dataset; creates its group if necessary.
 pub(crate) fn put_array<T: H5Type>(
     file: &File,
     name: &str,
     width: usize,
     values: &[T],
 ) -> hdf5::Result<()> {
-    // Without times, so that equal content makes equal bytes.
+    // Without time stamps, so that equal content gives equal bytes.
     let builder = file
         .new_dataset::<T>()
         .obj_track_times(false)
@@ -106,18 +106,18 @@ pub(crate) fn put_array<T: H5Type>(
     if values.is_empty() { Ok(()) } else { dataset.write_raw(values) }
 }
 
-/// A file that is read column by column.
-pub(crate) struct Source<'a> {
+/// Source of columns: a file that is read dataset by dataset.
+pub(crate) struct ColumnSource<'a> {
     pub path: &'a Path,
     pub file: &'a File,
     /// Size of the file, bytes: an uncompressed dataset cannot be larger.
     pub size: u64,
-    /// Whether datasets may be compressed, as those of other programs are.
+    /// True if datasets may be compressed, as in files of other programs.
     pub packed: bool,
 }
 
-impl Source<'_> {
-    /// Numbers `[rows, width]`, flat; any number of rows if `rows` is `None`.
+impl ColumnSource<'_> {
+    /// Reads numbers `[rows, width]` into a flat array; any number of rows if `rows` is `None`.
     pub fn numbers<T: H5Type>(
         &self,
         name: &str,
@@ -130,7 +130,7 @@ impl Source<'_> {
         dataset.read_raw().map_err(hdf5_error(self.path, name))
     }
 
-    /// Finite numbers `[rows, width]`, flat.
+    /// Reads finite numbers `[rows, width]` into a flat array.
     pub fn reals(&self, name: &str, rows: Option<usize>, width: usize) -> Result<Vec<f64>> {
         let values: Vec<f64> = self.numbers(name, rows, width)?;
         match values.iter().position(|v| !v.is_finite()) {
@@ -142,35 +142,35 @@ impl Source<'_> {
         }
     }
 
-    /// The single number in `name`.
+    /// Reads the single number in `name`.
     pub fn number<T: H5Type + Copy>(&self, name: &str) -> Result<T> {
         Ok(self.numbers(name, Some(1), 1)?[0])
     }
 
-    /// The single finite number in `name`.
+    /// Reads the single finite number in `name`.
     pub fn real(&self, name: &str) -> Result<f64> {
         Ok(self.reals(name, Some(1), 1)?[0])
     }
 
-    /// Texts `[rows]`.
+    /// Reads texts `[rows]`.
     pub fn texts(&self, name: &str, rows: Option<usize>) -> Result<Vec<String>> {
         let dataset = self.dataset(name)?;
         self.check_type(&dataset, name, &TypeDescriptor::VarLenUnicode)?;
         self.check_shape(&dataset, name, rows, 1)?;
         let texts: Vec<VarLenUnicode> = dataset.read_raw().map_err(hdf5_error(self.path, name))?;
-        // The library promises UTF-8 without looking.
+        // The library does not check UTF-8.
         let checked = texts.iter().map(|t| String::from_utf8(t.as_bytes().to_vec()));
         checked.collect::<std::result::Result<_, _>>().map_err(|e| {
             Fault::new(name, "UTF-8", format!("{:?}", e.as_bytes())).in_file(self.path)
         })
     }
 
-    /// The single text in `name`.
+    /// Reads the single text in `name`.
     pub fn text(&self, name: &str) -> Result<String> {
         Ok(self.texts(name, Some(1))?.swap_remove(0))
     }
 
-    /// The single text in `name`, as the one of `all` that `word` gives it to.
+    /// Reads the single text in `name` as the value of `all` with this name.
     pub fn choice<T: Copy>(&self, name: &str, all: &[T], word: Word<T>) -> Result<T> {
         self.choose(name, &self.text(name)?, all, word)
     }
@@ -182,9 +182,9 @@ impl Source<'_> {
         })
     }
 
-    /// Whether there is anything of this name.
+    /// Returns true if the file has an object with this name.
     pub fn has(&self, name: &str) -> bool {
-        // Link by link: the library does not look for "a/b" where "a" is missing.
+        // Link by link, because the library fails on "a/b" without "a".
         let ends = name.match_indices('/').map(|(end, _)| end).chain([name.len()]);
         ends.into_iter().all(|end| self.file.link_exists(&name[..end]))
     }
@@ -246,12 +246,13 @@ impl Source<'_> {
         Ok(())
     }
 
-    /// The most bytes that a compressed dataset of this file can hold, chunk buffers included.
+    /// Returns the maximum size of a compressed dataset of this file, chunk buffers included, bytes.
     fn most_unpacked(&self, dataset: &Dataset) -> u64 {
         let stored = dataset.storage_size().min(self.size).saturating_mul(DEFLATE_AT_BEST);
         let chunk = dataset.chunk().unwrap_or_default().into_iter();
-        // A dataset of one chunk may be smaller than the chunk, whose buffer is made all the same.
-        let fits = chunk.fold(8_u64, |bytes, n| bytes.saturating_mul(n as u64)) <= MOST_UNPACKED;
-        if fits { stored.min(MOST_UNPACKED) } else { 0 }
+        // A dataset of one chunk may be smaller than the chunk, whose buffer is allocated nevertheless.
+        let fits =
+            chunk.fold(8_u64, |bytes, n| bytes.saturating_mul(n as u64)) <= MAX_INFLATED_BYTES;
+        if fits { stored.min(MAX_INFLATED_BYTES) } else { 0 }
     }
 }

@@ -1,4 +1,4 @@
-//! What a file of ours is, in a few lines.
+//! Summary of a file of Ballast.
 //!
 //! Reads: a checkpoint, which is checked as a whole, or the tables of contents of a results file.
 
@@ -11,39 +11,44 @@ use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
 
-/// FileSummary of a file.
+/// Summary of a bed, checkpoint or results file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FileSummary {
-    /// `bed`, `run` or `results`.
+    /// Kind of the file: `bed`, `run` or `results`.
     pub kind: &'static str,
     /// Version of the file's format.
     pub version: u32,
+    /// Name of the case.
     pub case_name: String,
+    /// Content key of the bed.
     pub key: String,
+    /// Number of grains.
     pub grains: u64,
     /// Names of the driven bodies.
     pub driven: Vec<String>,
-    /// Last step, and its simulated time, s.
+    /// Last step.
     pub step: Option<u64>,
+    /// Simulated time of the last step, s.
     pub time: Option<f64>,
-    /// Contacts that the next solve starts from; in beds and checkpoints.
+    /// Number of contacts in memory; in beds and checkpoints.
     pub contacts: Option<u64>,
-    /// [`state_hash`]; in beds and checkpoints.
+    /// Hash of the state; in beds and checkpoints.
     pub hash: Option<u128>,
     /// Number of frames; in results.
     pub frames: Option<u64>,
     /// Name, columns and rows of the tables; in results.
     pub tables: Vec<(String, u64, u64)>,
-    /// Bytes.
+    /// Size of the file, bytes.
     pub size: u64,
 }
 
-/// Tells what `path` holds.
+/// Returns a summary of the file at `path`.
 ///
-/// Errors: as [`checkpoint::read`] and [`ResultsReader::open`].
+/// # Errors
+/// As for [`checkpoint::read`] and [`ResultsReader::open`].
 pub fn inspect(path: impl AsRef<Path>) -> Result<FileSummary> {
     let path = path.as_ref();
-    // Results have no header of ours; everything else is for the checkpoint's reader to judge.
+    // Results have no seal at their start; everything else is read as a checkpoint.
     if seal::is_hdf5(path)? { of_results(path) } else { of_checkpoint(path) }
 }
 
@@ -106,7 +111,7 @@ fn of_results(path: &Path) -> Result<FileSummary> {
 }
 
 impl FileSummary {
-    /// The summary for programs; absent values are left out.
+    /// Converts the summary to JSON, without absent values.
     pub fn to_json(&self) -> Value {
         let mut value = json!({
             "kind": self.kind,

@@ -1,8 +1,8 @@
 //! Beds, checkpoints and results of Ballast in HDF5 files.
 //!
-//! [`checkpoint`]: model and state, sealed, to go on from bit for bit. [`results`]: frames and tables
+//! [`checkpoint`]: model and state in sealed files, from which a run continues bit for bit. [`results`]: frames and tables
 //! of a run, for viewers and programs. [`export`](mod@export): results as VTK XML and CSV.
-//! [`inspect`](mod@inspect): what a file is. [`fclib`]: published friction-contact problems.
+//! [`inspect`](mod@inspect): summary of a file. [`fclib`]: published friction-contact problems.
 
 pub mod checkpoint;
 pub mod export;

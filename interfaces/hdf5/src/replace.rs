@@ -1,7 +1,7 @@
-//! Whole files: written at once or not at all.
+//! Atomic replacement of files.
 //!
-//! Contract: what is new goes to a file beside the old one, which takes its place only when it is whole; a failure
-//! removes the new file and leaves the old one as it was.
+//! Contract: new content is written to a temporary file in the same folder, which replaces the old file when it is complete.
+//! A failure removes the temporary file and leaves the old one unchanged.
 
 use crate::error::{Fault, Result, io};
 use std::ffi::OsStr;
@@ -9,14 +9,14 @@ use std::fs::File;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-/// Names of files on their way: that of what they replace, a point, letters, this.
+/// Suffix of temporary files: name of the replaced file, a dot, random letters, this.
 const SUFFIX: &str = ".tmp";
 const RANDOM: usize = 6;
 
 /// Replaces `path` by a file with this content. Several processes may do so at a time.
 ///
 /// # Errors
-/// The system refuses; something else than a file lies there.
+/// A file that cannot be written; a path that is no file.
 pub fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
     let mut file = beside(path)?;
     for bytes in content {
@@ -25,17 +25,17 @@ pub fn replace(path: &Path, content: &[&[u8]]) -> Result<()> {
     settle(file, path)
 }
 
-/// The same for what can be made again at once: it may reach the disk later.
+/// Replaces `path` without waiting for the disk, for content that can be computed again.
 pub(crate) fn exchange(path: &Path, content: &[u8]) -> Result<()> {
     let mut file = beside(path)?;
     file.write_all(content).map_err(io(path, "write"))?;
     put(file, path).map(drop)
 }
 
-/// Finds out whether [`replace`] can write `path`, before the work whose result goes there.
+/// Checks that [`replace`] can write `path`, before the work whose result is written there.
 ///
 /// # Errors
-/// The system lets no file be made beside it; something else than a file lies there: a device or a pipe would be gone.
+/// A folder where no file can be created; a device or pipe, which would be replaced.
 pub fn replaceable(path: &Path) -> std::io::Result<()> {
     let path = destination(path)?;
     let refused = |e: std::io::Error| {
@@ -49,19 +49,19 @@ pub fn replaceable(path: &Path) -> std::io::Result<()> {
     temporary(&path).map(drop).map_err(refused)
 }
 
-/// Removes what processes that were killed within a [`replace`] of `path` have left beside it. Only for who knows that
-/// none replaces it now.
+/// Removes the temporary files of processes that were killed inside a [`replace`] of `path`. The caller must know that no
+/// process replaces it now.
 pub fn clear(path: &Path) {
     let Some(name) = path.file_name() else { return };
     for entry in std::fs::read_dir(folder_of(path)).into_iter().flatten().flatten() {
         if is_temporary(&entry.file_name(), name) {
-            // What cannot be removed takes room, and harms nothing else.
+            // A file that cannot be removed does no harm.
             let _ = std::fs::remove_file(entry.path());
         }
     }
 }
 
-/// Whether a name is of the kind that [`temporary`] gives beside a file `of` this name.
+/// Returns true if a name is that of a temporary file for a file `of` this name.
 fn is_temporary(name: &OsStr, of: &OsStr) -> bool {
     let random = (name.as_encoded_bytes().strip_prefix(of.as_encoded_bytes()))
         .and_then(|rest| rest.strip_prefix(b"."))
@@ -69,34 +69,35 @@ fn is_temporary(name: &OsStr, of: &OsStr) -> bool {
     random.is_some_and(|r| r.len() == RANDOM && r.iter().all(u8::is_ascii_alphanumeric))
 }
 
-/// Refuses a path where something else lies than what [`replace`] is to take the place of: a slip of a name is not to
-/// cost what somebody has computed or measured. `ours` says what may be replaced, and `is_ours` tells it by its content;
-/// an empty file may always be.
+/// Checks that `path` is free, or a file of the kind that [`replace`] may replace, so that a wrong name destroys no data.
+///
+/// `kind` describes the replaceable files, and `is_kind` recognises them by their content. An empty file may always be
+/// replaced.
 ///
 /// # Errors
-/// [`Error::Refused`](crate::Error::Refused), or the system refuses.
-pub fn check_file_kind(path: &Path, ours: &str, is_ours: impl FnOnce(File) -> bool) -> Result<()> {
+/// [`Error::Refused`](crate::Error::Refused) for another file; a file that cannot be read.
+pub fn check_file_kind(path: &Path, kind: &str, is_kind: impl FnOnce(File) -> bool) -> Result<()> {
     let refused = |found: &str| {
-        let expected = format!("a new file, or {ours} to replace");
+        let expected = format!("a new file, or {kind} to replace");
         Err(Fault::new("path", expected, found).refused(path))
     };
     match path.metadata() {
         Ok(what) if what.is_file() && what.len() == 0 => Ok(()),
         Ok(what) if what.is_file() => {
             let file = File::open(path).map_err(io(path, "open"))?;
-            if is_ours(file) { Ok(()) } else { refused("another file") }
+            if is_kind(file) { Ok(()) } else { refused("another file") }
         }
         Ok(what) if what.is_dir() => refused("a folder"),
         Ok(_) => refused("a device or a pipe"),
-        // Nothing is there, or what is there is told when it is replaced.
+        // No file, or one whose error is reported when it is replaced.
         Err(_) => Ok(()),
     }
 }
 
-/// What is replaced where `path` is written: a link's target rather than the link.
+/// Returns the path that a write to `path` replaces: the target of a link, not the link.
 ///
 /// # Errors
-/// Something else than a file lies there: a device or a pipe would be gone.
+/// A device or pipe, which would be replaced.
 fn destination(path: &Path) -> std::io::Result<PathBuf> {
     let wrong = |found: &str| {
         let text = format!("expected a file or a new name, found {found}");
@@ -118,7 +119,7 @@ fn destination(path: &Path) -> std::io::Result<PathBuf> {
     }
 }
 
-/// A new file beside `path`, gone when dropped.
+/// Creates a temporary file in the folder of `path`, which is removed when dropped.
 pub(crate) fn beside(path: &Path) -> Result<tempfile::NamedTempFile> {
     let path = &destination(path).map_err(io(path, "replace"))?;
     temporary(path).map_err(io(path, "create a file beside"))
@@ -130,18 +131,18 @@ fn temporary(path: &Path) -> std::io::Result<tempfile::NamedTempFile> {
     builder(&name).suffix(SUFFIX).rand_bytes(RANDOM).tempfile_in(folder_of(path))
 }
 
-/// Gives a file from [`beside`] the place of `path`; where that is.
+/// Replaces `path` by a file from [`beside`]; returns its path.
 fn put(file: tempfile::NamedTempFile, path: &Path) -> Result<PathBuf> {
     let place = destination(path).map_err(io(path, "replace"))?;
     file.persist(&place).map_err(|e| io(path, "replace")(e.error))?;
     Ok(place)
 }
 
-/// The same, once the file is on the disk.
+/// Replaces `path` by a file from [`beside`] after synchronising it with the disk.
 pub(crate) fn settle(file: tempfile::NamedTempFile, path: &Path) -> Result<()> {
-    file.as_file().sync_all().map_err(io(path, "bring to the disk"))?;
+    file.as_file().sync_all().map_err(io(path, "synchronise"))?;
     let path = &put(file, path)?;
-    // The rename itself is only safe once the folder is; not every file system can tell.
+    // The rename is durable after synchronising the folder, which not every file system supports.
     if let Ok(folder) = File::open(folder_of(path)) {
         let _ = folder.sync_all();
     }
@@ -180,7 +181,7 @@ mod tests {
     fn what_was_left_of_a_file_is_cleared_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.h5");
-        // As a kill leaves it.
+        // As after a kill.
         let left = beside(&path).unwrap().into_temp_path().keep().unwrap();
         let others =
             ["a.h5", "a.h5.tmp", "a.h5.index-backup", "b.h5.AbCd12.tmp", "a.h5.notes-1.tmp"]

@@ -1,10 +1,9 @@
-//! Whole files, sealed so that any changed byte is noticed.
+//! Sealed files, in which any changed byte is detected.
 //!
 //! A sealed file has a block of 512 bytes in front of its content, mostly an HDF5 file: the format's name and
 //! version, the number of bytes that follow and their BLAKE3 digest, as text. HDF5 programs skip it. A file that grows in
-//! place has such a block at its end, once it is complete ([`put_at_end`]); HDF5 programs do not look behind theirs.
-//! Contract: the digest is checked before the HDF5 library sees a byte, which it does not survive
-//! unharmed on every damaged file.
+//! place has such a block at its end, once it is complete ([`put_at_end`]); HDF5 programs do not read beyond their end.
+//! Contract: the digest is checked before the HDF5 library reads a byte, because the library may crash on a damaged file.
 
 use crate::error::{Error, Fault, Result, io};
 use crate::replace::replace;
@@ -12,15 +11,15 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::Path;
 
-/// Smallest user block that HDF5 allows.
+/// Size of the smallest user block of HDF5, bytes.
 const BLOCK: usize = 512;
 
-pub(crate) struct Format {
+pub(crate) struct SealFormat {
     pub name: &'static str,
     pub version: u32,
 }
 
-fn block(format: &Format, bytes: u64, digest: &blake3::Hash) -> [u8; BLOCK] {
+fn block(format: &SealFormat, bytes: u64, digest: &blake3::Hash) -> [u8; BLOCK] {
     let text =
         format!("{} {}\nbytes {bytes}\nblake3 {}\n", format.name, format.version, digest.to_hex());
     let mut block = [b'\n'; BLOCK];
@@ -28,11 +27,11 @@ fn block(format: &Format, bytes: u64, digest: &blake3::Hash) -> [u8; BLOCK] {
     block
 }
 
-/// The block of what `reader` has left, `bytes` long; memory does not depend on that.
+/// Returns the seal of the remaining `bytes` of `reader`, in constant memory.
 fn block_of(
     mut reader: impl Read,
     bytes: u64,
-    format: &Format,
+    format: &SealFormat,
     path: &Path,
 ) -> Result<[u8; BLOCK]> {
     let mut hasher = blake3::Hasher::new();
@@ -41,20 +40,20 @@ fn block_of(
 }
 
 /// Replaces `path` by a sealed file with this content.
-pub(crate) fn write(path: &Path, format: &Format, image: &[u8]) -> Result<()> {
+pub(crate) fn write(path: &Path, format: &SealFormat, image: &[u8]) -> Result<()> {
     replace(path, &[&header(format, image), image])
 }
 
-/// A sealed file with this content, as bytes.
-pub(crate) fn bytes(format: &Format, image: &[u8]) -> Vec<u8> {
+/// Returns a sealed file with this content as bytes.
+pub(crate) fn bytes(format: &SealFormat, image: &[u8]) -> Vec<u8> {
     [&header(format, image)[..], image].concat()
 }
 
-fn header(format: &Format, image: &[u8]) -> [u8; BLOCK] {
+fn header(format: &SealFormat, image: &[u8]) -> [u8; BLOCK] {
     block(format, image.len() as u64, &blake3::hash(image))
 }
 
-/// Opens a file to be read. Anything else is refused: a pipe would be waited for until somebody writes to it.
+/// Opens a file for reading; refuses a pipe, which would block until a writer opens it.
 fn open(path: &Path) -> Result<File> {
     if path.metadata().is_ok_and(|what| !what.is_file()) {
         return Err(Fault::new("path", "a file", "a folder or a pipe").in_file(path));
@@ -64,8 +63,8 @@ fn open(path: &Path) -> Result<File> {
 
 /// Checks the seal of `path`; returns the size of the file.
 ///
-/// Streams: memory does not depend on what the file claims.
-pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
+/// Memory does not depend on the sizes that the file claims.
+pub(crate) fn check(path: &Path, format: &SealFormat) -> Result<u64> {
     let mut file = open(path)?;
     let size = file.metadata().map_err(io(path, "read"))?.len();
     let mut found = Vec::with_capacity(BLOCK);
@@ -81,8 +80,8 @@ pub(crate) fn check(path: &Path, format: &Format) -> Result<u64> {
     Ok(size)
 }
 
-/// The content of a sealed file, once the seal is checked.
-pub(crate) fn read(path: &Path, format: &Format) -> Result<Vec<u8>> {
+/// Returns the content of a sealed file after checking the seal.
+pub(crate) fn read(path: &Path, format: &SealFormat) -> Result<Vec<u8>> {
     check(path, format)?;
     let mut file = open(path)?;
     let mut content = vec![];
@@ -93,32 +92,31 @@ pub(crate) fn read(path: &Path, format: &Format) -> Result<Vec<u8>> {
 }
 
 /// Seals a complete file at its end.
-pub(crate) fn put_at_end(path: &Path, format: &Format) -> Result<()> {
+pub(crate) fn put_at_end(path: &Path, format: &SealFormat) -> Result<()> {
     let mut file = File::options().read(true).append(true).open(path).map_err(io(path, "open"))?;
     let size = file.metadata().map_err(io(path, "read"))?.len();
     let seal = block_of(&file, size, format, path)?;
     file.write_all(&seal).map_err(io(path, "write"))?;
-    file.sync_all().map_err(io(path, "bring to the disk"))
+    file.sync_all().map_err(io(path, "synchronise"))
 }
 
-/// Checks the seal at the end of `path`, and whether it has one: a file that is being written, or whose writer was killed,
-/// has none.
-pub(crate) fn check_at_end(path: &Path, format: &Format) -> Result<bool> {
+/// Checks the seal at the end of `path`; returns false if there is none, as in an unfinished file.
+pub(crate) fn check_at_end(path: &Path, format: &SealFormat) -> Result<bool> {
     let Some((mut file, size, found)) = end_of(path, format)? else { return Ok(false) };
     file.rewind().map_err(io(path, "read"))?;
     compare(&found, &block_of(file.take(size), size, format, path)?, path)?;
     Ok(true)
 }
 
-/// Takes the seal off the end of `path`, if it has one, for a file that is to grow.
-pub(crate) fn take_from_end(path: &Path, format: &Format) -> Result<()> {
+/// Removes the seal at the end of `path`, if there is one, so that the file can grow.
+pub(crate) fn take_from_end(path: &Path, format: &SealFormat) -> Result<()> {
     let Some((_, size, _)) = end_of(path, format)? else { return Ok(()) };
     let file = File::options().write(true).open(path).map_err(io(path, "open"))?;
     file.set_len(size).map_err(io(path, "write"))
 }
 
-/// A file with a seal at its end, the size of what comes before, and the seal.
-fn end_of(path: &Path, format: &Format) -> Result<Option<(File, u64, Vec<u8>)>> {
+/// Opens a file with a seal at its end; returns the size of the content and the seal.
+fn end_of(path: &Path, format: &SealFormat) -> Result<Option<(File, u64, Vec<u8>)>> {
     let mut file = open(path)?;
     let size = file.metadata().map_err(io(path, "read"))?.len();
     let Some(size) = size.checked_sub(BLOCK as u64) else { return Ok(None) };
@@ -137,12 +135,12 @@ fn compare(found: &[u8], expected: &[u8], path: &Path) -> Result<()> {
     }
     let digest = |b: &[u8]| String::from_utf8_lossy(b).lines().nth(2).map(str::to_string);
     let [found, expected] = [found, expected].map(|block| digest(block).unwrap_or_default());
-    // What the file says of itself is what its content is expected to be.
+    // The seal has the expected values, the content the found ones.
     Err(Fault::new("checksum", found, expected).in_file(path))
 }
 
-/// How many bytes a header says that follow it.
-fn claim(header: &[u8], format: &Format, path: &Path) -> Result<u64> {
+/// Returns the number of bytes that a header claims.
+fn claim(header: &[u8], format: &SealFormat, path: &Path) -> Result<u64> {
     let first = format!("{} {}", format.name, format.version);
     let text = String::from_utf8_lossy(header);
     let mut lines = text.lines();
@@ -162,7 +160,7 @@ fn claim(header: &[u8], format: &Format, path: &Path) -> Result<u64> {
     size.ok_or_else(|| Fault::new("header", "a size in bytes", describe(header)).in_file(path))
 }
 
-/// What a file that is not ours looks like, in words.
+/// Describes a file without a seal.
 fn describe(header: &[u8]) -> String {
     match header {
         [] => "an empty file".into(),
@@ -174,15 +172,15 @@ fn describe(header: &[u8]) -> String {
     }
 }
 
-/// How files of HDF5 begin.
+/// First bytes of HDF5 files.
 const HDF5: &[u8] = b"\x89HDF";
 
-/// Whether a file begins as those of HDF5.
+/// Returns true if a file begins like an HDF5 file.
 pub(crate) fn is_hdf5(path: &Path) -> Result<bool> {
     Ok(start_of(path)?.starts_with(HDF5))
 }
 
-/// The first bytes of a file.
+/// Returns the first bytes of a file.
 pub(crate) fn start_of(path: &Path) -> Result<Vec<u8>> {
     let file = open(path)?;
     let mut start = vec![];
@@ -190,8 +188,8 @@ pub(crate) fn start_of(path: &Path) -> Result<Vec<u8>> {
     Ok(start)
 }
 
-/// Writes a fresh header on a file whose content was edited on purpose by another program.
-pub(crate) fn reseal(path: &Path, format: &Format) -> Result<()> {
+/// Writes a new seal on a file whose content was deliberately changed by another program.
+pub(crate) fn reseal(path: &Path, format: &SealFormat) -> Result<()> {
     let mut file = File::options().read(true).write(true).open(path).map_err(io(path, "open"))?;
     file.seek(SeekFrom::Start(BLOCK as u64)).map_err(io(path, "read"))?;
     let size = file.metadata().map_err(io(path, "read"))?.len();

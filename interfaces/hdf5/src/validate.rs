@@ -1,6 +1,6 @@
-//! Whether a model and a state make sense: before they are written, and after they were read.
+//! Validation of a model and a state, before they are written and after they were read.
 //!
-//! Reads: model, state. Cost: O(everything). Contract: what passes can be stepped without an index
+//! Reads: model, state. Cost: linear in their size. Contract: a valid state can be stepped without an index
 //! out of range, a division by zero or a number that is not finite.
 
 use crate::error::Fault;
@@ -10,12 +10,12 @@ use ballast::math::Vec3;
 use ballast::model::{Model, PartitionRule};
 use ballast::state::State;
 
-type Check = Result<(), Fault>;
+type CheckResult = Result<(), Fault>;
 
-/// Rounding leaves unit vectors within a few 1e-16 of length 1; a damaged one is far off.
+/// Maximum deviation of the length of a unit vector from 1; rounding stays within a few 1e-16.
 const UNIT: f64 = 1e-9;
 
-pub(crate) fn check(model: &Model, state: &State) -> Check {
+pub(crate) fn check(model: &Model, state: &State) -> CheckResult {
     model.check().map_err(fault)?;
     state.check(model).map_err(fault)?;
     for (s, shape) in model.shapes.iter().enumerate() {
@@ -25,7 +25,7 @@ pub(crate) fn check(model: &Model, state: &State) -> Check {
     rest(model)
 }
 
-/// The core's errors name their place in the model or the state.
+/// Converts an error of the core, which has a place in the model or the state.
 fn fault(error: CoreError) -> Fault {
     match error {
         CoreError::Model { place, expected, found } => {
@@ -43,14 +43,19 @@ fn all<T: std::fmt::Debug>(
     values: &[T],
     expected: &str,
     good: impl Fn(&T) -> bool,
-) -> Check {
+) -> CheckResult {
     match values.iter().position(|v| !good(v)) {
         None => Ok(()),
         Some(i) => Err(Fault::new(place, expected, format!("{:?} in row {i}", values[i]))),
     }
 }
 
-fn require(good: bool, place: &str, expected: impl Into<String>, found: impl ToString) -> Check {
+fn require(
+    good: bool,
+    place: &str,
+    expected: impl Into<String>,
+    found: impl ToString,
+) -> CheckResult {
     if good { Ok(()) } else { Err(Fault::new(place, expected, found)) }
 }
 
@@ -66,8 +71,8 @@ fn positive(x: &f64) -> bool {
     x.is_finite() && *x > 0.0
 }
 
-/// What the core does not ask of models that its own constructors made.
-fn rest(model: &Model) -> Check {
+/// Checks properties that models from constructors of the core always have.
+fn rest(model: &Model) -> CheckResult {
     let numbers = match model.solver.partition {
         PartitionRule::Boxes(n) => n,
         PartitionRule::Balanced(n) | PartitionRule::ContactsPer(n) => [n; 3],
@@ -75,7 +80,7 @@ fn rest(model: &Model) -> Check {
     all("solver/partition_numbers", &numbers, "above zero", |n| *n > 0)
 }
 
-fn polyhedron(shape: &Polyhedron) -> Check {
+fn polyhedron(shape: &Polyhedron) -> CheckResult {
     let (nv, nf) = (shape.vertices.len(), shape.face_normals.len());
     require(nv >= 4, "vertices", "4 or more", nv)?;
     require(nf >= 4, "face_normals", "4 or more", nf)?;

@@ -53,7 +53,7 @@ fn window(
 #[test]
 fn a_window_that_leads_elsewhere_now_is_not_said_to_survive() {
     let mut lockstep = kept(3);
-    // AdvanceInputs for in other words, so that it is computed.
+    // Requested with other parameters, so that it is computed.
     let again = AdvanceRequest { deadline_ms: 60_000, ..request(3) };
     window(&mut lockstep, WindowKind::Redo, &again).unwrap();
     assert_eq!(lockstep.durable_seq(), 2);

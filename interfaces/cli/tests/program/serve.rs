@@ -310,6 +310,15 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
 }
 
 #[test]
+fn a_signal_of_a_scheduler_stops_a_component_at_a_checkpoint() {
+    let place = Place::new();
+    let serving = Serving::start(&place, &endpoint(), "--out s");
+    serving.signal(Signal::SIGUSR1);
+    serving.end().with_code(130);
+    assert!(place.path("s/checkpoint.h5").exists());
+}
+
+#[test]
 fn ctrl_c_in_a_window_takes_it_back_and_the_run_goes_on_later() {
     // A tenth of a second for a step of any processor, ten for the window.
     let place =

@@ -1,21 +1,21 @@
 //! Sparse matrices of FCLIB: a group with `nzmax, m, n, nz, p, i, x`.
 //!
-//! Contract: every index is compared with the matrix before it is used; what is allocated is bounded by
-//! the datasets that are there, not by what the file says about them.
+//! Contract: every index is compared with the matrix before it is used; allocations are bounded by
+//! the sizes of the datasets, not by the claims of the file.
 
 use crate::error::{Fault, Result};
-use crate::image::Source;
+use crate::image::ColumnSource;
 
-/// Entries (row, column, value).
+/// Entries of a matrix: row, column, value.
 pub(crate) type Entries = Vec<(usize, usize, f64)>;
 
-/// `nz` of a matrix in compressed rows.
+/// Value of `nz` for a matrix in compressed rows.
 pub(crate) const ROWS: i64 = -2;
-/// `nz` of a matrix in compressed columns.
+/// Value of `nz` for a matrix in compressed columns.
 pub(crate) const COLUMNS: i64 = -1;
 
-/// The whole number in `name`, an array of length 1.
-pub(crate) fn integer(source: &Source, name: &str) -> Result<i64> {
+/// Reads the whole number in `name`, an array of length 1.
+pub(crate) fn integer(source: &ColumnSource, name: &str) -> Result<i64> {
     match integers(source, name)?[..] {
         [value] => Ok(value),
         ref other => {
@@ -25,16 +25,21 @@ pub(crate) fn integer(source: &Source, name: &str) -> Result<i64> {
     }
 }
 
-/// Whole numbers, of 32 bits as the library of the format writes them, or of 64.
-fn integers(source: &Source, name: &str) -> Result<Vec<i64>> {
+/// Reads whole numbers of 32 bits, as the library of the format writes them, or of 64.
+fn integers(source: &ColumnSource, name: &str) -> Result<Vec<i64>> {
     match source.numbers::<i32>(name, None, 1) {
         Ok(values) => Ok(values.into_iter().map(i64::from).collect()),
         Err(error) => source.numbers::<i64>(name, None, 1).map_err(|_| error),
     }
 }
 
-/// The matrix in the group `name`, which has to be `rows` by `columns`.
-pub(crate) fn read(source: &Source, name: &str, rows: usize, columns: usize) -> Result<Entries> {
+/// Reads the matrix in the group `name`, which must be `rows` by `columns`.
+pub(crate) fn read(
+    source: &ColumnSource,
+    name: &str,
+    rows: usize,
+    columns: usize,
+) -> Result<Entries> {
     let fault = |part: &str, expected: String, found: String| {
         Fault::new(format!("{name}/{part}"), expected, found).in_file(source.path)
     };
@@ -48,7 +53,7 @@ pub(crate) fn read(source: &Source, name: &str, rows: usize, columns: usize) -> 
     let i = integers(source, &format!("{name}/i"))?;
     let p = integers(source, &format!("{name}/p"))?;
     let nz = integer(source, &format!("{name}/nz"))?;
-    // `nzmax` is what the writer had room for: nothing can be learned from it.
+    // `nzmax` is the capacity of the writer and means nothing here.
     let inside = |part: &str, at: usize, index: i64, size: usize| {
         usize::try_from(index).ok().filter(|&k| k < size).ok_or_else(|| {
             fault(part, format!("indices from 0 to below {size}"), format!("{index} at {at}"))
@@ -60,7 +65,7 @@ pub(crate) fn read(source: &Source, name: &str, rows: usize, columns: usize) -> 
             let found = format!("{}, {} and {} of them", x.len(), i.len(), p.len());
             return Err(fault("x, i, p", format!("{count} values, as nz says"), found));
         }
-        // The format's header says it the other way round; its files have the column in p.
+        // The header of the format states the opposite; its files have the column in p.
         let entry =
             |k: usize| Ok((inside("i", k, i[k], rows)?, inside("p", k, p[k], columns)?, x[k]));
         return (0..count).map(entry).collect();

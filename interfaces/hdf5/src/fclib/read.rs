@@ -1,8 +1,8 @@
-//! Reading a friction-contact problem.
+//! Reader of friction-contact problems.
 
 use super::matrix;
 use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
-use crate::image::{self, Source};
+use crate::image::{self, ColumnSource};
 use crate::seal;
 use ballast::Error as CoreError;
 use ballast::math::Vec3;
@@ -10,31 +10,32 @@ use ballast::nlgs::assembled_problem::AssembledProblem;
 use ballast::nlgs::global_problem::{FactorisedGlobalProblem, GlobalProblem};
 use std::path::Path;
 
-/// A friction-contact problem, and where its file says that a solution is or may be.
+/// Friction-contact problem of a file, with its solution and first guess, if given.
 #[derive(Debug, Clone)]
-pub struct Problem {
-    /// The problem in impulses alone.
+pub struct FclibProblem {
+    /// Problem in impulses alone.
     pub local: AssembledProblem,
-    /// The problem with the bodies' velocities, where the file gives that.
+    /// Problem with the velocities of the bodies, if the file has it.
     pub global: Option<FactorisedGlobalProblem>,
-    /// Impulses `[nc]` of the solution that the file holds; they may be all zero.
+    /// Impulses `[nc]` of the solution in the file; they may be all zero.
     pub solution: Option<Vec<Vec3>>,
-    /// Impulses `[nc]` of the first guess that the file holds.
+    /// Impulses `[nc]` of the first guess in the file.
     pub guess: Option<Vec<Vec3>>,
 }
 
 /// Reads the problem in `path`, in its local or global form.
 ///
-/// Errors: [`crate::Error::Damaged`], with dataset, expected and found, for a file that is no such
-/// problem, and for problems in two dimensions or with joints, which are not solved here.
-pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
+/// # Errors
+/// [`crate::Error::Damaged`], with dataset, expected and found, for a file that is no such
+/// problem, and for problems in two dimensions or with joints, which are not supported.
+pub fn read(path: impl AsRef<Path>) -> Result<FclibProblem> {
     let path = path.as_ref();
     let size = std::fs::metadata(path).map_err(io(path, "read"))?.len();
     if !seal::is_hdf5(path)? {
         return Err(Fault::new("header", "an HDF5 file", "another").in_file(path));
     }
     let file = image::open(path).map_err(hdf5_error(path, "content"))?;
-    let source = Source { path, file: &file, size, packed: true };
+    let source = ColumnSource { path, file: &file, size, packed: true };
     let form = ["fclib_local", "fclib_global"].into_iter().find(|form| file.link_exists(form));
     let Some(form) = form else {
         let fault = Fault::new("/", "a group fclib_local or fclib_global", "neither");
@@ -52,7 +53,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
         let held = source.has(name);
         held.then(|| vectors(&source, name, Some(local.contact_count()))).transpose()
     };
-    Ok(Problem {
+    Ok(FclibProblem {
         solution: impulses("solution/r")?,
         guess: impulses("guesses/1/r")?,
         local,
@@ -60,7 +61,7 @@ pub fn read(path: impl AsRef<Path>) -> Result<Problem> {
     })
 }
 
-fn local(source: &Source) -> Result<AssembledProblem> {
+fn local(source: &ColumnSource) -> Result<AssembledProblem> {
     refuse_joints(source, &["fclib_local/V", "fclib_local/R", "fclib_local/vectors/s"])?;
     let q = vectors(source, "fclib_local/vectors/q", None)?;
     let friction = source.reals("fclib_local/vectors/mu", Some(q.len()), 1)?;
@@ -69,7 +70,7 @@ fn local(source: &Source) -> Result<AssembledProblem> {
         .map_err(|e| refused(source, "fclib_local", e))
 }
 
-fn global(source: &Source) -> Result<(AssembledProblem, FactorisedGlobalProblem)> {
+fn global(source: &ColumnSource) -> Result<(AssembledProblem, FactorisedGlobalProblem)> {
     refuse_joints(source, &["fclib_global/G", "fclib_global/vectors/b"])?;
     let f = source.reals("fclib_global/vectors/f", None, 1)?;
     let w = vectors(source, "fclib_global/vectors/w", None)?;
@@ -86,8 +87,8 @@ fn global(source: &Source) -> Result<(AssembledProblem, FactorisedGlobalProblem)
     Ok((local, form))
 }
 
-/// Equality constraints beside the contacts: the problem without them would be another one.
-fn refuse_joints(source: &Source, names: &[&'static str]) -> Result<()> {
+/// Refuses equality constraints, without which the problem would be another one.
+fn refuse_joints(source: &ColumnSource, names: &[&'static str]) -> Result<()> {
     match names.iter().find(|name| source.has(name)) {
         None => Ok(()),
         Some(name) => {
@@ -97,8 +98,8 @@ fn refuse_joints(source: &Source, names: &[&'static str]) -> Result<()> {
     }
 }
 
-/// Vectors (n, t, s) `[contacts]`, stored flat.
-fn vectors(source: &Source, name: &str, contacts: Option<usize>) -> Result<Vec<Vec3>> {
+/// Reads vectors (n, t, s) `[contacts]`, which are stored flat.
+fn vectors(source: &ColumnSource, name: &str, contacts: Option<usize>) -> Result<Vec<Vec3>> {
     let flat = source.reals(name, contacts.map(|n| 3 * n), 1)?;
     let (vectors, rest) = flat.as_chunks::<3>();
     if !rest.is_empty() {
@@ -108,7 +109,7 @@ fn vectors(source: &Source, name: &str, contacts: Option<usize>) -> Result<Vec<V
     Ok(vectors.iter().map(|v| Vec3::from(*v)).collect())
 }
 
-fn refused(source: &Source, form: &str, error: CoreError) -> crate::Error {
+fn refused(source: &ColumnSource, form: &str, error: CoreError) -> crate::Error {
     match error {
         CoreError::Model { place, expected, found } => {
             Fault { place: format!("{form}: {place}"), expected, found }.in_file(source.path)

@@ -1,7 +1,7 @@
-//! Writing friction-contact problems and their solutions.
+//! Writer of friction-contact problems and their solutions.
 
 use super::matrix::{self, Entries};
-use super::read::Problem;
+use super::read::FclibProblem;
 use crate::error::{Result, hdf5 as hdf5_error, io};
 use crate::{image, replace};
 use ballast::math::Vec3;
@@ -9,7 +9,7 @@ use ballast::nlgs::assembled_problem::AssembledProblem;
 use hdf5::{File, H5Type};
 use std::path::Path;
 
-/// How the entries of a matrix are stored.
+/// Storage of the entries of a matrix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Storage {
     /// Compressed rows.
@@ -20,9 +20,10 @@ pub enum Storage {
     Triplets,
 }
 
-/// Writes a problem to `path` in the local form, whole or not at all.
+/// Writes a problem to `path` in the local form, atomically.
 ///
-/// Errors: [`crate::Error::Io`] and [`crate::Error::Hdf5`].
+/// # Errors
+/// [`crate::Error::Io`] and [`crate::Error::Hdf5`].
 pub fn write_local(
     path: impl AsRef<Path>,
     problem: &AssembledProblem,
@@ -43,12 +44,14 @@ pub fn write_local(
 /// Copies the file `from` that `problem` was read from to `to`, with these impulses `[nc]` as its solution.
 ///
 /// The solution holds the impulses `r`, the relative velocities `u = W r + q`, and, in the global form,
-/// the bodies' velocities `v`. What was at `to` is replaced when the copy is complete, and may be `from`.
-/// Errors: [`crate::Error::Io`] and [`crate::Error::Hdf5`].
+/// the bodies' velocities `v`. A file at `to`, which may be `from`, is replaced when the copy is complete.
+///
+/// # Errors
+/// [`crate::Error::Io`] and [`crate::Error::Hdf5`].
 pub fn write_solution(
     from: impl AsRef<Path>,
     to: impl AsRef<Path>,
-    problem: &Problem,
+    problem: &FclibProblem,
     impulse: &[Vec3],
 ) -> Result<()> {
     let (from, to) = (from.as_ref(), to.as_ref());
@@ -83,7 +86,7 @@ fn flat(vectors: &[Vec3]) -> Vec<f64> {
     vectors.iter().flat_map(|v| [v.x, v.y, v.z]).collect()
 }
 
-/// Scalar entries that are not zero, row by row.
+/// Returns the scalar entries that are not zero, row by row.
 fn entries(problem: &AssembledProblem) -> Entries {
     let mut entries = Vec::new();
     for contact in 0..problem.contact_count() {

@@ -1,6 +1,6 @@
-//! Results written by a thread of their own, while the simulation goes on.
+//! Writer of results on a separate thread, in parallel to the simulation.
 //!
-//! Contract: the same file as [`ResultsWriter`] makes; at most `frames` frames wait in memory, then the
+//! Contract: the file is that of [`ResultsWriter`]; at most `frames` frames wait in memory, then the
 //! simulation waits; the first error stops writing and is returned by the next call.
 
 use super::{FrameData, ResultsWriter};
@@ -19,17 +19,17 @@ enum WriterCommand {
     Secure(SyncSender<()>),
 }
 
-/// A [`ResultsWriter`] on its own thread.
+/// A [`ResultsWriter`] on a separate thread.
 #[derive(Debug)]
 pub struct BackgroundWriter {
     path: PathBuf,
-    /// `None` once writing has ended.
+    /// Channel to the thread; `None` after the end of writing.
     sender: Option<SyncSender<WriterCommand>>,
     thread: Option<JoinHandle<Result<()>>>,
 }
 
 impl BackgroundWriter {
-    /// Moves `writer` to a thread; up to `waiting` frames and rows wait for it, at least one.
+    /// Moves `writer` to a thread with a queue of `waiting` frames and rows, at least one.
     pub fn new(writer: ResultsWriter, waiting: usize) -> Self {
         let path = writer.path().to_path_buf();
         let (sender, receiver) = sync_channel(waiting.max(1));
@@ -37,23 +37,23 @@ impl BackgroundWriter {
         Self { path, sender: Some(sender), thread: Some(thread) }
     }
 
-    /// Takes a frame and hands it over; see [`ResultsWriter::frame`].
+    /// Collects and queues a frame; see [`ResultsWriter::frame`].
     pub fn frame(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result<()> {
         self.send(WriterCommand::Frame(Box::new(FrameData::take(model, state, workspace))))
     }
 
-    /// See [`ResultsWriter::table`].
+    /// Queues the declaration of a table; see [`ResultsWriter::table`].
     pub fn table(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
         let columns = columns.iter().map(|(n, u)| (n.to_string(), u.to_string())).collect();
         self.send(WriterCommand::Series(name.into(), columns))
     }
 
-    /// See [`ResultsWriter::append`].
+    /// Queues a row; see [`ResultsWriter::append`].
     pub fn append(&mut self, name: &str, step: u64, row: &[f64]) -> Result<()> {
         self.send(WriterCommand::Row(name.into(), step, row.to_vec()))
     }
 
-    /// See [`ResultsWriter::secure`]; returns when it is done.
+    /// Waits for [`ResultsWriter::secure`].
     pub fn secure(&mut self) -> Result<()> {
         let (done, wait) = sync_channel(1);
         self.send(WriterCommand::Secure(done))?;
@@ -63,7 +63,7 @@ impl BackgroundWriter {
         }
     }
 
-    /// Writes what is waiting, completes the file, and returns the first error, if any.
+    /// Writes the queue, completes the file, and returns the first error, if any.
     pub fn close(mut self) -> Result<()> {
         self.sender = None;
         self.join()
@@ -74,7 +74,7 @@ impl BackgroundWriter {
         if sent { Ok(()) } else { Err(self.end()) }
     }
 
-    /// Why the thread ended.
+    /// Returns the error with which the thread ended.
     fn end(&mut self) -> Error {
         self.sender = None;
         match self.join() {
@@ -90,7 +90,7 @@ impl BackgroundWriter {
 }
 
 impl Drop for BackgroundWriter {
-    /// What was handed over is written, also when an error elsewhere ends the run.
+    /// Writes the queue, also when an error elsewhere ends the run.
     fn drop(&mut self) {
         self.sender = None;
         if let Some(thread) = self.thread.take() {
@@ -110,7 +110,7 @@ fn serve(mut writer: ResultsWriter, receiver: Receiver<WriterCommand>) -> Result
             WriterCommand::Row(name, step, row) => writer.append(&name, step, &row)?,
             WriterCommand::Secure(done) => {
                 writer.secure()?;
-                // The other side may have given up waiting.
+                // The receiver may be gone.
                 let _ = done.send(());
             }
         }

@@ -1,4 +1,4 @@
-//! One VTKHDF block: polygons that move, or points that come and go, over time.
+//! VTKHDF block: moving polygons, or points whose number changes, over time.
 //!
 //! Writes: VTKHDF 2.3, temporal PolyData (docs.vtk.org, VTK file formats). Contract: a viewer needs
 //! nothing but the file. Polygons and constant cell data are stored once: every step's offset is 0.
@@ -10,10 +10,10 @@ use super::growing::{
 use hdf5::plist::group_create::LinkCreationOrder;
 use hdf5::{Dataset, Group, Result};
 
-/// VTK's four kinds of cells, in its order.
+/// VTK's four kinds of cells, in VTK's order.
 const CELLS: [&str; 4] = ["Vertices", "Lines", "Polygons", "Strips"];
 
-/// Marks an array whose rows serve all steps.
+/// Attribute of an array whose rows are valid for all steps.
 const CONSTANT: &str = "constant";
 
 pub(crate) struct VtkBlock {
@@ -21,10 +21,12 @@ pub(crate) struct VtkBlock {
     steps: Group,
 }
 
-/// Where values live: one per cell, or one per point.
+/// Location of the values of an array.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum FieldLocation {
+    /// One value per cell.
     Cells,
+    /// One value per point.
     Points,
 }
 
@@ -39,7 +41,7 @@ impl FieldLocation {
 }
 
 impl VtkBlock {
-    /// A block without steps; `index` is its place in the collection.
+    /// Creates a block without steps; `index` is its number in the collection.
     pub fn create(root: &Group, name: &str, index: usize, points_per_step: usize) -> Result<Self> {
         let group = make_group(root, name)?;
         group.new_attr::<i64>().shape(2).create("Version")?.write_raw(&[2_i64, 3])?;
@@ -53,7 +55,7 @@ impl VtkBlock {
                 create_table::<i64>(&cells, name, &[])?;
             }
             for name in ["Offsets", "Connectivity"] {
-                // Polygons are written once, and are many.
+                // Polygons are written once, in large arrays.
                 match kind {
                     "Polygons" => create::<i64>(&cells, name, &[], 4 * points_per_step)?,
                     _ => create_table::<i64>(&cells, name, &[])?,
@@ -77,13 +79,13 @@ impl VtkBlock {
         Ok(Self { group, steps })
     }
 
-    /// A block that is already there.
+    /// Opens an existing block.
     pub fn open(root: &Group, name: &str) -> Result<Self> {
         let group = root.group(name)?;
         Ok(Self { steps: group.group("Steps")?, group })
     }
 
-    /// Names of the blocks of a collection, in their order.
+    /// Returns the names of the blocks of a collection, in their order.
     pub fn names(root: &Group) -> Result<Vec<String>> {
         let mut names = vec![];
         for group in root.groups()? {
@@ -109,7 +111,7 @@ impl VtkBlock {
         create_table::<i64>(&self.steps.group(on.offsets())?, name, &[])
     }
 
-    /// Polygons for all steps, with the number of points that they share.
+    /// Writes the polygons of all steps, with the number of their points.
     pub fn set_polygons(&self, points: usize, starts: &[i64], corners: &[i64]) -> Result<()> {
         append(&self.group, "NumberOfPoints", &[points as i64])?;
         let polygons = self.group.group("Polygons")?;
@@ -127,7 +129,7 @@ impl VtkBlock {
         Ok(())
     }
 
-    /// Data that are the same in each step.
+    /// Writes data that are equal in all steps.
     pub fn set_constant<T: hdf5::H5Type>(
         &self,
         on: FieldLocation,
@@ -139,7 +141,7 @@ impl VtkBlock {
         data.dataset(name)?.new_attr::<u8>().create(CONSTANT)?.write_scalar(&1_u8)
     }
 
-    /// This step's points; `own_part`: their number changes from step to step, one vertex each.
+    /// Adds the points of a step. With `own_part` their number may change, and each is a vertex.
     pub fn add_points(&self, points: &[[f32; 3]], own_part: bool) -> Result<()> {
         let first = append_portion(&self.group, "Points", points.as_flattened())?;
         append(&self.steps, "PointOffsets", &[first as i64])?;
@@ -150,7 +152,7 @@ impl VtkBlock {
         append(&self.steps, "ConnectivityIdOffsets", &[0_i64; 4]).map(drop)
     }
 
-    /// Vertex `i` is point `i`: one list 0, 1, 2 … serves all steps and only grows with the largest.
+    /// Extends the list of vertices 0, 1, 2 …, which all steps share, to the largest number of points.
     fn add_vertices(&self, count: usize) -> Result<usize> {
         let part = append(&self.group, "NumberOfPoints", &[count as i64])?;
         for kind in CELLS {
@@ -169,13 +171,13 @@ impl VtkBlock {
         Ok(part)
     }
 
-    /// This step's values of an array.
+    /// Adds the values of a step to an array.
     pub fn add<T: hdf5::H5Type>(&self, on: FieldLocation, name: &str, values: &[T]) -> Result<()> {
         let first = append_portion(&self.group.group(on.data())?, name, values)?;
         self.refer(on, name, first)
     }
 
-    /// This step's values of an array that is constant.
+    /// Adds a step to a constant array.
     pub fn again(&self, on: FieldLocation, name: &str) -> Result<()> {
         self.refer(on, name, 0)
     }
@@ -184,18 +186,18 @@ impl VtkBlock {
         append(&self.steps.group(on.offsets())?, name, &[first as i64]).map(drop)
     }
 
-    /// Completes the step's data; viewers see it after [`VtkBlock::show`].
+    /// Completes a step, which viewers see after [`VtkBlock::show`].
     pub fn end_step(&self, time: f64) -> Result<()> {
         append(&self.steps, "Values", &[time]).map(drop)
     }
 
-    /// Lets viewers see all steps.
+    /// Publishes all steps to viewers.
     pub fn show(&self) -> Result<()> {
         let steps = self.steps.dataset("Values")?.shape()[0];
         self.steps.attr("NSteps")?.write_scalar(&(steps as i64))
     }
 
-    /// Forgets all steps from number `steps` on.
+    /// Removes all steps from number `steps` on.
     pub fn truncate(&self, steps: usize) -> Result<()> {
         for on in [FieldLocation::Cells, FieldLocation::Points] {
             let (data, offsets) = (self.group.group(on.data())?, self.steps.group(on.offsets())?);
@@ -246,7 +248,7 @@ impl VtkBlock {
     }
 }
 
-/// Makes the collection that holds the blocks, and the tree by which viewers list them.
+/// Creates the collection of the blocks, and the tree by which viewers list them.
 pub(crate) fn create_root(file: &hdf5::File) -> Result<Group> {
     let ordered = |name: &str, parent: &Group| {
         let builder = parent.create_group_builder().obj_track_times(false);
@@ -254,13 +256,13 @@ pub(crate) fn create_root(file: &hdf5::File) -> Result<Group> {
     };
     let root = ordered("VTKHDF", file)?;
     root.new_attr::<i64>().shape(2).create("Version")?.write_raw(&[2_i64, 3])?;
-    // Not PartitionedDataSetCollection: pyvista does not take it.
+    // Not PartitionedDataSetCollection, which pyvista cannot read.
     ascii(&root, "Type", b"MultiBlockDataSet")?;
     ordered("Assembly", &root)?;
     Ok(root)
 }
 
-/// Lists a block in the tree.
+/// Adds a block to the tree.
 pub(crate) fn link(root: &Group, name: &str) -> Result<()> {
     root.group("Assembly")?.link_soft(&format!("/VTKHDF/{name}"), name)
 }

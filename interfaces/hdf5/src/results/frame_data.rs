@@ -1,4 +1,4 @@
-//! What a frame shows: taken from model, state and workspace, on the simulating thread.
+//! Data of a frame, collected from model, state and workspace on the simulating thread.
 //!
 //! Reads: model, state, workspace. Writes: nothing. Cost: O(bodies + contacts), no vertices yet.
 
@@ -7,12 +7,12 @@ use ballast::model::Model;
 use ballast::state::State;
 use ballast::workspace::Workspace;
 
-/// One frame, before its vertices are computed.
+/// Data of one frame, before its vertices are computed.
 #[derive(Debug, Clone)]
 pub struct FrameData {
     pub(crate) step: u64,
     pub(crate) time: f64,
-    /// `[nb]`.
+    /// Poses of the bodies `[nb]`.
     pub(crate) poses: Vec<Pose>,
     /// Speed of the body frame's origin `[nb]`, m/s.
     pub(crate) speed: Vec<f32>,
@@ -21,24 +21,24 @@ pub struct FrameData {
     pub(crate) contacts: ContactCloud,
 }
 
-/// Contacts that carry a force `[na]`.
+/// Active contacts `[na]`.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct ContactCloud {
     pub point: Vec<[f32; 3]>,
-    /// FieldLocation the candidate, mean over the step, N.
+    /// Force on the candidate, mean over the step, N.
     pub force: Vec<[f32; 3]>,
-    /// Component along the normal, N.
+    /// Component of the force along the normal, N.
     pub normal_force: Vec<f32>,
-    /// From antagonist to candidate.
+    /// Unit normal from antagonist to candidate.
     pub normal: Vec<[f32; 3]>,
-    /// m; negative is penetration.
+    /// Gap, m; negative for penetration.
     pub gap: Vec<f32>,
     pub candidate: Vec<i32>,
     pub antagonist: Vec<i32>,
 }
 
 impl FrameData {
-    /// Takes a frame after a step; contacts are those of `workspace`, none before the first step.
+    /// Collects the data of a frame after a step; contacts are those of `workspace`, none before the first step.
     pub fn take(model: &Model, state: &State, workspace: &Workspace) -> Self {
         let nb = model.body_count().min(state.position.len());
         let mut load = vec![0.0; nb];

@@ -1,28 +1,29 @@
-//! Datasets that grow by rows, compressed, and texts beside them.
+//! Datasets that grow by rows, and texts in attributes.
 
 use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenUnicode};
 use hdf5::{Attribute, Dataset, Group, H5Type, Result};
 use ndarray::{ArrayView, IxDyn, SliceInfo, SliceInfoElem};
 
-/// Largest number of rows in a chunk: the unit that is compressed and read.
-const CHUNK_ROWS: usize = 1 << 16;
+/// Maximum number of rows in a chunk, the unit of compression and reading.
+const MAX_CHUNK_ROWS: usize = 1 << 16;
 
-/// Longest texts of attributes, bytes: of most, and of any.
+/// Usual maximum length of the texts of an attribute, bytes.
 const LONG_TEXT: usize = 128;
-const LONGEST_TEXT: usize = 4096;
+/// Maximum length of the texts of an attribute, bytes.
+const MAX_TEXT_BYTES: usize = 4096;
 
-/// Most texts of an attribute.
-const MOST_TEXTS: usize = 1 << 16;
+/// Maximum number of texts of an attribute.
+const MAX_TEXTS: usize = 1 << 16;
 
-/// Rows of an uncompressed chunk, by bytes of a row.
-const TABLE_BYTES: usize = 1 << 11;
+/// Size of an uncompressed chunk, bytes.
+const TABLE_CHUNK_BYTES: usize = 1 << 11;
 
-/// A group. It does not keep the time of day: equal runs leave equal files.
+/// Creates a group without time stamps, so that equal runs give equal files.
 pub(crate) fn group(parent: &Group, name: &str) -> Result<Group> {
     parent.create_group_builder().obj_track_times(false).create(name)
 }
 
-/// An empty dataset of rows `[tail..]` for [`append_portion`]s of about `portion` rows; compressed.
+/// Creates an empty compressed dataset of rows `[tail..]` for [`append_portion`]s of about `portion` rows.
 pub(crate) fn create<T: H5Type>(
     group: &Group,
     name: &str,
@@ -30,22 +31,22 @@ pub(crate) fn create<T: H5Type>(
     portion: usize,
 ) -> Result<()> {
     let portion = portion.max(16);
-    let rows = portion.div_ceil(portion.div_ceil(CHUNK_ROWS));
+    let rows = portion.div_ceil(portion.div_ceil(MAX_CHUNK_ROWS));
     let builder = group.new_dataset::<T>().shuffle();
-    // Level 1: half the time of the usual 6 for a few percent more bytes.
+    // Level 1 takes half the time of the usual 6, for a few percent more bytes.
     finish(builder.deflate(1), name, tail, rows)
 }
 
-/// An empty dataset of rows `[tail..]` for [`append`]; plain.
+/// Creates an empty uncompressed dataset of rows `[tail..]` for [`append`].
 ///
-/// A compressed chunk that gets more rows changes its size and place: if the program is killed then,
-/// its earlier rows are lost. A plain one just gets more rows.
+/// A compressed chunk that gets more rows changes its size and position; a crash meanwhile loses its earlier rows. An
+/// uncompressed chunk is extended in place.
 pub(crate) fn create_table<T: H5Type>(group: &Group, name: &str, tail: &[usize]) -> Result<()> {
     let row = size_of::<T>() * tail.iter().product::<usize>().max(1);
-    finish(group.new_dataset::<T>(), name, tail, TABLE_BYTES.div_ceil(row))
+    finish(group.new_dataset::<T>(), name, tail, TABLE_CHUNK_BYTES.div_ceil(row))
 }
 
-/// An empty dataset of rows `[tail..]`, each of them large and compressed on its own.
+/// Creates an empty dataset of large rows `[tail..]`, each compressed separately.
 pub(crate) fn create_one_by_one<T: H5Type>(
     group: &Group,
     name: &str,
@@ -71,7 +72,7 @@ fn finish(
     Ok(())
 }
 
-/// Appends rows that begin in a chunk of their own, so that no compressed chunk is written twice.
+/// Appends rows in a new chunk, so that no compressed chunk is written twice.
 /// Returns the first new row; there may be unused rows before it.
 pub(crate) fn append_portion<T: H5Type>(group: &Group, name: &str, values: &[T]) -> Result<usize> {
     let dataset = group.dataset(name)?;
@@ -89,7 +90,7 @@ fn write<T: H5Type>(dataset: &Dataset, first: usize, values: &[T]) -> Result<usi
     let mut shape = dataset.shape();
     let more = values.len() / shape[1..].iter().product::<usize>();
     if more == 0 {
-        // Not the row after the end: offsets must lie inside, or at the end.
+        // Offsets must be inside the dataset or at its end.
         return Ok(shape[0]);
     }
     shape[0] = first + more;
@@ -102,7 +103,7 @@ fn write<T: H5Type>(dataset: &Dataset, first: usize, values: &[T]) -> Result<usi
 
 type Rows = SliceInfo<Vec<SliceInfoElem>, IxDyn, IxDyn>;
 
-/// Selects rows, and all of the further dimensions.
+/// Selects rows and all of the other dimensions.
 fn rows(rows: std::ops::Range<usize>, dimensions: usize) -> Result<Rows> {
     let all = SliceInfoElem::Slice { start: 0, end: None, step: 1 };
     let mut slices = vec![all; dimensions];
@@ -111,7 +112,7 @@ fn rows(rows: std::ops::Range<usize>, dimensions: usize) -> Result<Rows> {
     Ok(SliceInfo::try_from(slices)?)
 }
 
-/// Reads rows, flat.
+/// Reads rows into a flat array.
 pub(crate) fn read<T: H5Type>(dataset: &Dataset, range: std::ops::Range<usize>) -> Result<Vec<T>> {
     if range.is_empty() {
         return Ok(vec![]);
@@ -120,7 +121,7 @@ pub(crate) fn read<T: H5Type>(dataset: &Dataset, range: std::ops::Range<usize>) 
     Ok(array.into_iter().collect())
 }
 
-/// Cuts a dataset to its first `rows` rows; shorter ones stay.
+/// Truncates a dataset to its first `rows` rows; a shorter one is unchanged.
 pub(crate) fn truncate(group: &Group, name: &str, rows: usize) -> Result<()> {
     let dataset = group.dataset(name)?;
     let mut shape = dataset.shape();
@@ -131,7 +132,7 @@ pub(crate) fn truncate(group: &Group, name: &str, rows: usize) -> Result<()> {
     Ok(())
 }
 
-/// A fixed-length text attribute, the only kind that VTK's reader takes for types.
+/// Writes a text attribute of fixed length, the only kind that VTK's reader accepts for types.
 pub(crate) fn ascii<const N: usize>(group: &Group, name: &str, value: &[u8; N]) -> Result<()> {
     let text = FixedAscii::<N>::from_ascii(value).map_err(|e| e.to_string())?;
     group.new_attr::<FixedAscii<N>>().create(name)?.write_scalar(&text)
@@ -144,15 +145,15 @@ pub(crate) fn number<T: H5Type>(group: &Group, name: &str, value: T) -> Result<(
     }
 }
 
-/// Writes texts as an attribute, all of one length: those of variable length lie in a heap of the file, which the library
-/// does not survive where it is damaged.
+/// Writes texts of one length as an attribute. Texts of variable length would be in a heap of the file, and the library may
+/// crash on a damaged heap.
 pub(crate) fn texts(group: &Group, name: &str, values: &[&str]) -> Result<()> {
     let longest = values.iter().map(|v| v.len()).max().unwrap_or(0);
     let kind = TypeDescriptor::FixedUnicode(longest.max(1));
     let attribute = group.new_attr_builder().empty_as(kind).shape(values.len()).create(name)?;
     match longest {
         0..=LONG_TEXT => write_texts::<LONG_TEXT>(&attribute, values),
-        _ => write_texts::<LONGEST_TEXT>(&attribute, values),
+        _ => write_texts::<MAX_TEXT_BYTES>(&attribute, values),
     }
 }
 
@@ -163,27 +164,29 @@ fn write_texts<const N: usize>(attribute: &Attribute, values: &[&str]) -> Result
     if texts.is_empty() { Ok(()) } else { attribute.write_raw(&texts) }
 }
 
-/// Texts of an attribute; the library itself does not look whether they are UTF-8. Those of variable length only where files
-/// of that version had them.
+/// Reads the texts of an attribute and checks that they are UTF-8, which the library does not. Texts of variable length are
+/// read from files of version 1 only.
 pub(crate) fn read_texts(group: &Group, name: &str, version: u32) -> Result<Vec<String>> {
     let attribute = group.attr(name)?;
     let shape = attribute.shape();
     let [count] = shape[..] else { return Err(format!("{name}: expected a row of texts").into()) };
-    if count > MOST_TEXTS {
-        let text = format!("{name}: expected at most {MOST_TEXTS} texts, found {count}");
+    if count > MAX_TEXTS {
+        let text = format!("{name}: expected at most {MAX_TEXTS} texts, found {count}");
         return Err(text.into());
     }
     match attribute.dtype()?.to_descriptor()? {
         _ if count == 0 => Ok(vec![]),
         TypeDescriptor::FixedUnicode(0..=LONG_TEXT) => fixed_texts::<LONG_TEXT>(&attribute),
-        TypeDescriptor::FixedUnicode(0..=LONGEST_TEXT) => fixed_texts::<LONGEST_TEXT>(&attribute),
+        TypeDescriptor::FixedUnicode(0..=MAX_TEXT_BYTES) => {
+            fixed_texts::<MAX_TEXT_BYTES>(&attribute)
+        }
         TypeDescriptor::VarLenUnicode if version == super::FORMAT_V1_VLEN_STRINGS => {
             let texts: Vec<VarLenUnicode> = attribute.read_raw()?;
             Ok(texts.iter().map(|t| told(t.as_bytes())).collect())
         }
         other => {
             let text =
-                format!("{name}: expected texts of up to {LONGEST_TEXT} bytes, found {other}");
+                format!("{name}: expected texts of up to {MAX_TEXT_BYTES} bytes, found {other}");
             Err(text.into())
         }
     }
@@ -202,6 +205,6 @@ fn told(text: &[u8]) -> String {
 pub(crate) fn long_text(group: &Group, name: &str, text: &str) -> Result<()> {
     let builder = group.new_dataset::<u8>().obj_track_times(false).no_chunk();
     let dataset = builder.shape(text.len()).create(name)?;
-    // Without bytes there is no storage to write to.
+    // An empty dataset has no storage to write to.
     if text.is_empty() { Ok(()) } else { dataset.write_raw(text.as_bytes()) }
 }

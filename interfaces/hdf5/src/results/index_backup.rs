@@ -1,36 +1,36 @@
-//! What a results file was at the last checkpoint, in a small file beside it.
+//! Backup of the index of a results file at the last checkpoint, in a separate small file.
 //!
-//! HDF5 changes its indices where they are, and a flush is many writes. A program that is killed among them can leave
-//! an index half new, and with it frames of long ago out of reach, though their data lie there untouched. So a
-//! checkpoint keeps a copy of all but the data: indices, headers, tables. Put back, it makes the file what it was.
-//! Contract: compressed chunks are written once and never again; what is kept is complete before it replaces what was
-//! kept before. The file beside is there from the first checkpoint until results are closed.
+//! HDF5 updates its indices in place, and a flush is many writes. A crash between them can leave an inconsistent index,
+//! which makes old frames unreadable although their data are intact. Therefore a checkpoint copies everything but the
+//! data: indices, headers, tables. Restoring the copy restores the file of the checkpoint.
+//! Contract: compressed chunks are written only once; a backup is complete before it replaces the previous one. The backup
+//! exists from the first checkpoint until the results are closed.
 
 use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
-use crate::seal::{self, Format};
+use crate::seal::{self, SealFormat};
 use hdf5::{Dataset, File, Group};
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::{Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-const FORMAT: Format = Format { name: "ballast-results-index-backup", version: 1 };
-/// Groups within groups: ours are three deep, and a link that leads back up would never end.
+const FORMAT: SealFormat = SealFormat { name: "ballast-results-index-backup", version: 1 };
+/// Maximum depth of groups: those of results are three deep, and a cyclic link would never end.
 const MAX_DEPTH: u32 = 8;
 
-/// Where chunks of compressed data lie in the file: address and size in bytes, by dataset.
+/// Address and size in bytes of the compressed chunks in the file, by dataset.
 #[derive(Debug, Default)]
 pub(crate) struct IndexBackup {
     chunks: BTreeMap<String, Vec<[u64; 2]>>,
 }
 
 impl IndexBackup {
-    /// Keeps what `file`, at `path` and flushed, is now.
-    pub fn keep(&mut self, path: &Path, file: &File) -> Result<()> {
+    /// Writes a backup of `file`, which is at `path` and flushed.
+    pub fn write(&mut self, path: &Path, file: &File) -> Result<()> {
         self.find(file, MAX_DEPTH).map_err(hdf5_error(path, "chunks"))?;
         let mut source = fs::File::open(path).map_err(io(path, "open"))?;
-        // What the copy refers to has to outlast the machine as well as the program.
-        source.sync_all().map_err(io(path, "bring to the disk"))?;
+        // The data that the backup refers to must be on the disk.
+        source.sync_all().map_err(io(path, "synchronise"))?;
         let size = source.metadata().map_err(io(path, "read"))?.len();
         let mut image = size.to_le_bytes().to_vec();
         for [from, to] in self.gaps(size) {
@@ -43,29 +43,29 @@ impl IndexBackup {
                 return Err(Fault::new("size", format!("{size} bytes"), from + read).in_file(path));
             }
         }
-        seal::write(&beside(path), &FORMAT, &image)
+        seal::write(&backup_path(path), &FORMAT, &image)
     }
 
-    /// Finds the chunks that are new, in groups within groups at most so deep.
-    fn find(&mut self, group: &Group, deepest: u32) -> hdf5::Result<()> {
+    /// Finds the new chunks in a group and at most `depth` levels of subgroups.
+    fn find(&mut self, group: &Group, depth: u32) -> hdf5::Result<()> {
         for dataset in group.datasets()? {
             if !dataset.filters().is_empty() {
                 let known = self.chunks.entry(dataset.name()).or_default();
                 known.extend(chunks_from(&dataset, known.len()));
             }
         }
-        // The tree that viewers list is links to what has its place elsewhere.
+        // The tree for viewers has only links to groups elsewhere.
         let groups = group.groups()?.into_iter().filter(|g| !g.name().ends_with("/Assembly"));
         for group in groups {
-            let Some(deepest) = deepest.checked_sub(1) else {
-                return Err(format!("{}: expected no groups so deep", group.name()).into());
+            let Some(depth) = depth.checked_sub(1) else {
+                return Err(format!("{}: groups are nested too deeply", group.name()).into());
             };
-            self.find(&group, deepest)?;
+            self.find(&group, depth)?;
         }
         Ok(())
     }
 
-    /// What lies between the chunks, in order.
+    /// Returns the ranges between the chunks, in order.
     fn gaps(&self, size: u64) -> Vec<[u64; 2]> {
         let mut chunks: Vec<[u64; 2]> = self.chunks.values().flatten().copied().collect();
         chunks.sort_unstable();
@@ -75,23 +75,23 @@ impl IndexBackup {
     }
 }
 
-/// Chunks of a dataset that grows by rows, in their order, from number `first` on.
+/// Returns the chunks of a dataset that grows by rows, in their order, from number `first` on.
 fn chunks_from(dataset: &Dataset, first: usize) -> Vec<[u64; 2]> {
     let count = dataset.num_chunks().unwrap_or(0);
     (first..count).map_while(|k| dataset.chunk_info(k)).map(|c| [c.addr, c.size]).collect()
 }
 
-/// Makes the results at `path` again what they were when last kept, if a run was killed before it closed them.
+/// Restores the results at `path` from their backup, if a run was killed before it closed them.
 ///
 /// # Errors
-/// The copy is damaged: nothing was changed then. The operating system refuses: it may be tried again.
+/// A damaged backup, which changes nothing; a file that cannot be written, after which the call may be repeated.
 pub(crate) fn restore(path: &Path) -> Result<()> {
-    let beside = beside(path);
-    if !beside.exists() {
+    let backup = backup_path(path);
+    if !backup.exists() {
         return Ok(());
     }
-    let image = seal::read(&beside, &FORMAT)?;
-    let damaged = || Fault::new("kept parts", "sizes that fit", image.len()).in_file(&beside);
+    let image = seal::read(&backup, &FORMAT)?;
+    let damaged = || Fault::new("backup", "sizes that fit", image.len()).in_file(&backup);
     let (size, mut rest) = number(&image).ok_or_else(damaged)?;
     let mut parts = vec![];
     while !rest.is_empty() {
@@ -108,13 +108,15 @@ pub(crate) fn restore(path: &Path) -> Result<()> {
         file.write_all(bytes).map_err(io(path, "write"))?;
     }
     file.set_len(size).map_err(io(path, "write"))?;
-    file.sync_all().map_err(io(path, "bring to the disk"))
+    file.sync_all().map_err(io(path, "synchronise"))
 }
 
-/// Removes what was kept: the file is whole, or begins anew.
-pub(crate) fn forget(path: &Path) -> Result<()> {
-    match fs::remove_file(beside(path)) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(io(path, "tidy up beside")(e)),
+/// Removes the backup of a complete or new file.
+pub(crate) fn remove(path: &Path) -> Result<()> {
+    match fs::remove_file(backup_path(path)) {
+        Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
+            Err(io(path, "remove the backup of")(e))
+        }
         _ => Ok(()),
     }
 }
@@ -124,7 +126,7 @@ fn number(bytes: &[u8]) -> Option<(u64, &[u8])> {
     Some((u64::from_le_bytes(*number), rest))
 }
 
-fn beside(path: &Path) -> PathBuf {
+fn backup_path(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_os_string();
     name.push(".index-backup");
     name.into()

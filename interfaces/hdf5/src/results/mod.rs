@@ -1,12 +1,12 @@
-//! Results of a run: one HDF5 file that viewers open as it is.
+//! Results of a run: one HDF5 file that viewers can open.
 //!
 //! `/VTKHDF`: frames, for ParaView and VTK 9.4 on: blocks `grains`, `sleepers`, `tines`, `boundary`
 //! (true polyhedra; cell data `body`, `speed` m/s, `load` N) and `contacts` (points that carry a
 //! force). `/frames`: step of each frame, poses. `/tables`: tables of numbers over the steps.
 //! `/metadata`: the case. Reads: model, state, workspace.
-//! Contract: after [`ResultsWriter::frame`] everything so far is with the operating system; a run that is
-//! killed leaves a file that is readable up to its last frame, or series' last flush, unless it is killed
-//! among the writes of a flush itself; from what was last secured [`ResultsWriter::append_to`] goes on after either.
+//! Contract: [`ResultsWriter::frame`] passes all data to the operating system. After a crash the file is readable up to its
+//! last frame, or the last flush of a table, unless the crash was inside a flush. In both cases
+//! [`ResultsWriter::append_to`] continues from the last [`ResultsWriter::secure`].
 
 mod background_writer;
 mod block;
@@ -41,10 +41,10 @@ use std::path::{Path, PathBuf};
 use surface::{Extent, SurfaceMesh};
 use table_buffer::TableBuffer;
 
-/// The block of contact points.
+/// Name of the block of contact points.
 const CONTACTS: &str = "contacts";
 
-/// Whether results may have a block of this name.
+/// Returns true if results may have a block with this name.
 pub(crate) fn is_block(name: &str) -> bool {
     name == CONTACTS || surface::is_named(name)
 }
@@ -52,52 +52,53 @@ pub(crate) fn is_block(name: &str) -> bool {
 /// Version of the format that this program writes.
 pub const VERSION: u32 = 2;
 
-/// Version whose texts are of variable length, in a heap of the file; it is read, too.
+/// Version with texts of variable length in a heap of the file, which can still be read.
 pub(crate) const FORMAT_V1_VLEN_STRINGS: u32 = 1;
 
 pub(crate) const FORMAT: &str = "ballast-results";
 
-/// Of complete results: a changed byte is noticed before the HDF5 library stumbles over it.
-const SEAL: seal::Format = seal::Format { name: "ballast-results-end", version: 1 };
+/// Seal of complete results, which detects a changed byte before the HDF5 library reads it.
+const SEAL: seal::SealFormat = seal::SealFormat { name: "ballast-results-end", version: 1 };
 
-/// What a results file says about where it comes from.
+/// Origin of a results file.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ResultsMetadata {
+    /// Name of the case.
     pub case_name: String,
-    /// The case file's text, as it was read.
+    /// Text of the case file.
     pub case_text: String,
-    /// Key of the bed that the run started from.
+    /// Content key of the bed at the start of the run.
     pub key: String,
     /// Name and version of the writing program.
     pub program: String,
 }
 
-/// Writes the results of one run. Belongs to one thread: HDF5 serialises all calls anyway.
+/// Writer of the results of one run. Used by one thread, because HDF5 serialises all calls.
 #[derive(Debug)]
 pub struct ResultsWriter {
     path: PathBuf,
     file: File,
     model: Model,
     last_step: Option<u64>,
-    /// Known from the first frame on.
+    /// Surfaces of the bodies, known after the first frame.
     surfaces: Vec<SurfaceMesh>,
     series: BTreeMap<String, TableBuffer>,
     index_backup: IndexBackup,
 }
 
-/// Opens for writing so that a kill between two flushes leaves the file of the first one; for kills inside a flush see
-/// [`index_backup`].
+/// Opens a file for writing so that a crash between two flushes leaves the file of the first one. For crashes inside a flush
+/// see [`index_backup`].
 fn open(path: &Path, new: bool) -> hdf5::Result<File> {
     let mut options = File::with_options();
     options.with_fapl(|p| {
-        // Not 1.10: its files carry a mark while they are written, and none would open after a kill.
+        // Not 1.10: its files have a mark while they are written, and could not be opened after a crash.
         p.libver_v18();
-        // A viewer may look on; many parallel file systems have no locks anyway.
+        // A viewer may read the file meanwhile; many parallel file systems have no locks.
         p.file_locking(false);
-        // Data reach it at once, where a full disk is an error of the write that met it: from a cache they would go when
-        // their dataset is closed, and nobody would hear that they did not.
+        // Data are written at once, so that a full disk is an error of that write. A cache would write them when the
+        // dataset is closed, where the error is lost.
         p.chunk_cache(0, 0, 1.0);
-        // Metadata reach the file in a flush, all together, never in between.
+        // Metadata are written by a flush only, all together.
         p.mdc_config(&MetadataCacheConfig {
             evictions_enabled: false,
             incr_mode: CacheIncreaseMode::Off,
@@ -106,26 +107,26 @@ fn open(path: &Path, new: bool) -> hdf5::Result<File> {
             ..MetadataCacheConfig::default()
         })
     });
-    // Nor does its root keep the time of day.
+    // The root group has no time stamps either.
     options.with_fcpl(|p| p.obj_track_times(false));
     if new { options.create(path) } else { options.open_rw(path) }
 }
 
-/// Puts right what a run that was killed among the writes of a flush left at `path`: before it is read to be gone on with.
+/// Repairs the file at `path` after a crash inside a flush, before it is read by a continued run.
 ///
 /// # Errors
-/// As those of [`ResultsWriter::append_to`], which does it, too.
+/// As for [`ResultsWriter::append_to`], which also repairs the file.
 pub fn mend(path: &Path) -> Result<()> {
     index_backup::restore(path)
 }
 
 impl ResultsWriter {
-    /// Starts a new file; one that is there is replaced.
+    /// Creates or replaces a file.
     pub fn create(path: impl AsRef<Path>, model: &Model, meta: &ResultsMetadata) -> Result<Self> {
         let path = path.as_ref();
-        // Before the file is emptied: what was kept must never be put into another one.
-        index_backup::forget(path)?;
-        // The library's message for a missing folder does not say so.
+        // Before the file is emptied: a backup must never be restored into another file.
+        index_backup::remove(path)?;
+        // The library's message for a missing folder does not name the cause.
         std::fs::File::create(path).map_err(io(path, "create"))?;
         let file = open(path, true).map_err(hdf5_error(path, "file"))?;
         let writer = Self {
@@ -166,8 +167,8 @@ impl ResultsWriter {
         self.file.flush()
     }
 
-    /// Goes on with an earlier file, from the checkpoint of step `at_step`: later frames and rows,
-    /// which a run wrote before it was stopped, are forgotten.
+    /// Continues an existing file from the checkpoint of step `at_step`; removes later frames and rows,
+    /// which a stopped run wrote after the checkpoint.
     pub fn append_to(path: impl AsRef<Path>, model: &Model, at_step: u64) -> Result<Self> {
         let path = path.as_ref();
         index_backup::restore(path)?;
@@ -199,7 +200,7 @@ impl ResultsWriter {
             writer.surfaces = surface::all(model, &poses, &extent);
         }
         writer.cut(kept, at_step, &tables, version).map_err(hdf5_error(path, "earlier frames"))?;
-        writer.index_backup.keep(path, &writer.file)?;
+        writer.index_backup.write(path, &writer.file)?;
         Ok(writer)
     }
 
@@ -211,7 +212,7 @@ impl ResultsWriter {
         version: u32,
     ) -> hdf5::Result<()> {
         if frames == 0 {
-            // Without a frame, the next one decides anew how large half-spaces are drawn.
+            // Without a frame, the next one determines the drawn size of half-spaces.
             self.surfaces.clear();
             if self.file.link_exists("VTKHDF") {
                 self.file.unlink("VTKHDF")?;
@@ -233,12 +234,12 @@ impl ResultsWriter {
         self.file.flush()
     }
 
-    /// Writes a frame: bodies and forces after a step. Later than the frame before.
+    /// Writes a frame: bodies and forces after a step, which must be later than the previous frame.
     pub fn frame(&mut self, model: &Model, state: &State, workspace: &Workspace) -> Result<()> {
         self.write(&FrameData::take(model, state, workspace))
     }
 
-    /// Writes a frame that was taken before.
+    /// Writes a frame from data that were collected earlier.
     pub fn write(&mut self, frame: &FrameData) -> Result<()> {
         let nb = self.model.body_count();
         if frame.poses.len() != nb || frame.speed.len() != nb {
@@ -274,7 +275,7 @@ impl ResultsWriter {
             growing::append(&group, "position", &position)?;
             growing::append(&group, "orientation", &orientation)?;
         }
-        // All data are there before anything says so: a kill in between costs this frame alone.
+        // Data are written before the counters, so that a crash in between loses this frame only.
         self.file.flush()?;
         for name in VtkBlock::names(&root)? {
             VtkBlock::open(&root, &name)?.show()?;
@@ -282,7 +283,7 @@ impl ResultsWriter {
         growing::append(&group, "step", &[frame.step]).map(drop)
     }
 
-    /// Makes the blocks, once the first frame tells the size of the scene.
+    /// Creates the blocks; the first frame determines the size of the scene.
     fn lay_out(&mut self, frame: &FrameData) -> hdf5::Result<()> {
         let root = block::create_root(&self.file)?;
         let extent: Extent = surface::extent(&self.model, &frame.poses);
@@ -314,7 +315,7 @@ impl ResultsWriter {
         block::link(&root, CONTACTS)
     }
 
-    /// Declares a table of numbers over the steps: columns of name and unit. Again: no effect.
+    /// Declares a table of numbers over the steps, with name and unit of each column. A second call has no effect.
     pub fn table(&mut self, name: &str, columns: &[(&str, &str)]) -> Result<()> {
         if let Some(known) = self.series.get(name) {
             if known.fits(columns) {
@@ -334,9 +335,9 @@ impl ResultsWriter {
         Ok(())
     }
 
-    /// Appends a row, of the end of step `step`, to a declared table.
+    /// Appends a row for the end of step `step` to a declared table.
     ///
-    /// Rows are gathered and written by the thousand, with the next frame, or by [`ResultsWriter::flush`].
+    /// Rows are collected and written by the thousand, with the next frame, or by [`ResultsWriter::flush`].
     pub fn append(&mut self, name: &str, step: u64, row: &[f64]) -> Result<()> {
         let Some(table) = self.series.get_mut(name) else {
             let known: Vec<_> = self.series.keys().collect();
@@ -351,17 +352,17 @@ impl ResultsWriter {
         Ok(())
     }
 
-    /// Hands all that was written to the operating system.
+    /// Passes all data to the operating system.
     pub fn flush(&mut self) -> Result<()> {
         self.flush_all().map_err(hdf5_error(&self.path, "flush"))
     }
 
-    /// Hands over all that was written, and keeps what a run that is killed later needs to come back to here.
+    /// Passes all data to the disk and writes a backup of the index, from which a later crash is repaired.
     ///
-    /// Before every checkpoint: what the checkpoint relies on then outlasts any kill, and the machine.
+    /// Called before every checkpoint, so that the results it depends on survive any crash of program or machine.
     pub fn secure(&mut self) -> Result<()> {
         self.flush()?;
-        self.index_backup.keep(&self.path, &self.file)
+        self.index_backup.write(&self.path, &self.file)
     }
 
     fn flush_all(&mut self) -> hdf5::Result<()> {
@@ -372,16 +373,16 @@ impl ResultsWriter {
         self.file.flush()
     }
 
-    /// Completes the file, seals it and brings it to the disk.
+    /// Completes and seals the file, and synchronises it with the disk.
     pub fn close(mut self) -> Result<()> {
         self.flush()?;
         let Self { path, file, .. } = self;
         file.close().map_err(hdf5_error(&path, "close"))?;
         seal::put_at_end(&path, &SEAL)?;
-        index_backup::forget(&path)
+        index_backup::remove(&path)
     }
 
-    /// The file.
+    /// Path of the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -421,7 +422,7 @@ fn add_contacts(block: &VtkBlock, frame: &FrameData) -> hdf5::Result<()> {
     block.end_step(frame.time)
 }
 
-/// Fingerprint of bodies and shapes: a file can only go on with the same ones.
+/// Returns a hash of bodies and shapes; a file can only be continued with the same ones.
 fn bodies_hash(model: &Model) -> String {
     let nothing = State::default();
     let mut columns = columns::of(model, &nothing);

@@ -1,9 +1,8 @@
-//! Reads results files back: frames as polygons or points, tables, what they say of themselves.
+//! Reader of results files: frames as polygons or points, tables, metadata.
 //!
-//! Contract: sizes are compared with the file's own size before anything is allocated. A file that
-//! is damaged inside its compressed data gives an error of the HDF5 library, with the place. Where results are
-//! complete, and thus sealed, the library does not see a byte of a damaged one. Those of version 1 that are not sealed have
-//! their texts in the file's global heap, which the library does not always survive where it is damaged: no new file has one.
+//! Contract: sizes are compared with the file's size before anything is allocated. Damaged compressed data give an error of
+//! the HDF5 library with the position. Complete results are sealed, so the library never reads a damaged one. Unsealed
+//! files of version 1 have texts in a global heap, and the library may crash on a damaged heap. New files have none.
 
 use super::block::VtkBlock;
 use super::{FORMAT, FORMAT_V1_VLEN_STRINGS, SEAL, VERSION, growing, pose};
@@ -14,7 +13,7 @@ use hdf5::{Dataset, File, Group, H5Type};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// An opened results file.
+/// Reader of a results file.
 #[derive(Debug)]
 pub struct ResultsReader {
     path: PathBuf,
@@ -25,43 +24,48 @@ pub struct ResultsReader {
     steps: Vec<u64>,
 }
 
-/// One block in one frame.
+/// Content of one block in one frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BlockFrame {
-    /// `[np]`, m.
+    /// Positions of the points `[np]`, m.
     pub points: Vec<[f32; 3]>,
-    /// Ends of the polygons in `corners` `[nf]`; none for a block of points.
+    /// Ends of the polygons in `corners` `[nf]`; empty for a block of points.
     pub polygon_ends: Vec<i64>,
+    /// Indices of the points of the polygons, one after the other.
     pub corners: Vec<i64>,
-    /// One value per polygon.
+    /// Arrays with one value per polygon.
     pub cell_data: Vec<FieldArray>,
-    /// One value per point.
+    /// Arrays with one value per point.
     pub point_data: Vec<FieldArray>,
 }
 
-/// Named values, flat `[rows * width]`.
+/// Named array of values, flat `[rows * width]`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct FieldArray {
+    /// Name of the array.
     pub name: String,
+    /// Number of values per row.
     pub width: usize,
+    /// Values, row by row.
     pub values: Vec<f32>,
 }
 
-/// A table over the steps.
+/// Table of numbers over the steps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ResultsTable {
-    /// Name and unit.
+    /// Name and unit of each column.
     pub columns: Vec<(String, String)>,
     /// Step of each row `[n]`.
     pub steps: Vec<u64>,
-    /// Flat `[n * columns]`.
+    /// Values, flat `[n * columns]`.
     pub rows: Vec<f64>,
 }
 
 impl ResultsReader {
     /// Opens a results file.
     ///
-    /// Errors: [`Error::Version`] for another version, [`Error::Damaged`] for another kind of file.
+    /// # Errors
+    /// [`Error::Version`] for another version, [`Error::Damaged`] for another kind of file.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let size = std::fs::metadata(path).map_err(io(path, "open"))?.len();
@@ -106,7 +110,7 @@ impl ResultsReader {
         self.version
     }
 
-    /// Whether its writer has closed it. One that is going on, or was killed, has not.
+    /// Returns true if the writer has closed the file. A running or killed run has not.
     pub fn is_closed(&self) -> bool {
         self.is_closed
     }
@@ -116,7 +120,7 @@ impl ResultsReader {
         &self.steps
     }
 
-    /// A text of `/metadata`: `case_name`, `case_text`, `key`, `program`.
+    /// Returns a text of `/metadata`: `case_name`, `case_text`, `key` or `program`.
     pub fn metadata(&self, name: &str) -> Result<String> {
         if name == "case_text" && self.version > FORMAT_V1_VLEN_STRINGS {
             let text = self.dataset("metadata/case_text")?;
@@ -128,7 +132,7 @@ impl ResultsReader {
         Ok(texts.into_iter().next().unwrap_or_default())
     }
 
-    /// Number of grains, and names of the driven bodies.
+    /// Returns the number of grains and the names of the driven bodies.
     pub fn bodies(&self) -> Result<(u64, Vec<String>)> {
         let metadata = self.group("metadata")?;
         let read = || -> hdf5::Result<_> {
@@ -140,14 +144,14 @@ impl ResultsReader {
         read().map_err(hdf5_error(&self.path, "metadata"))
     }
 
-    /// What each of the driven bodies is: `boundary`, `sleeper` or `tine`.
+    /// Returns the role of each driven body: `boundary`, `sleeper` or `tine`.
     pub fn roles(&self) -> Result<Vec<String>> {
         let metadata = self.group("metadata")?;
         let roles = growing::read_texts(&metadata, "driven_roles", self.version);
         roles.map_err(hdf5_error(&self.path, "metadata/driven_roles"))
     }
 
-    /// Names of the blocks.
+    /// Returns the names of the blocks.
     pub fn blocks(&self) -> Result<Vec<String>> {
         if !self.file.link_exists("VTKHDF") {
             return Ok(vec![]);
@@ -155,14 +159,14 @@ impl ResultsReader {
         VtkBlock::names(&self.group("VTKHDF")?).map_err(hdf5_error(&self.path, "VTKHDF"))
     }
 
-    /// Simulated time of each frame, s.
+    /// Returns the simulated time of each frame, s.
     pub fn times(&self) -> Result<Vec<f64>> {
         let Some(block) = self.blocks()?.into_iter().next() else { return Ok(vec![]) };
         let values = self.dataset(&format!("VTKHDF/{block}/Steps/Values"))?;
         self.rows(&values, 0..self.steps.len(), 1)
     }
 
-    /// Poses of all bodies in a frame.
+    /// Returns the poses of all bodies in a frame.
     pub fn poses(&self, frame: usize) -> Result<Vec<Pose>> {
         let (grains, driven) = self.bodies()?;
         let bodies = usize::try_from(grains).unwrap_or(usize::MAX).saturating_add(driven.len());
@@ -174,7 +178,7 @@ impl ResultsReader {
         Ok(both.map(|(p, q)| pose(p, q)).collect())
     }
 
-    /// One block in one frame.
+    /// Returns one block in one frame.
     pub fn block(&self, block: &str, frame: usize) -> Result<BlockFrame> {
         let at = format!("VTKHDF/{block}");
         let number = |name: &str, row: usize| -> Result<usize> {
@@ -235,7 +239,7 @@ impl ResultsReader {
         names.into_iter().map(array).collect()
     }
 
-    /// Names of the tables.
+    /// Returns the names of the tables.
     pub fn table_names(&self) -> Result<Vec<String>> {
         let names = self.group("tables")?.member_names();
         let mut names = names.map_err(hdf5_error(&self.path, "tables"))?;
@@ -243,7 +247,7 @@ impl ResultsReader {
         Ok(names)
     }
 
-    /// A table.
+    /// Returns a table.
     pub fn table(&self, name: &str) -> Result<ResultsTable> {
         let at = format!("tables/{name}");
         let group = self.group(&at)?;
@@ -265,7 +269,7 @@ impl ResultsReader {
         self.file.dataset(name).map_err(hdf5_error(&self.path, name))
     }
 
-    /// Rows of a dataset, of so many values each, that are there, and can be.
+    /// Returns the number of rows with `width` values of a dataset, limited by its size.
     fn rows<T: H5Type>(
         &self,
         dataset: &Dataset,
@@ -294,7 +298,7 @@ impl ResultsReader {
     }
 }
 
-/// As many as a dataset says that it has.
+/// Returns the claimed size of a dataset.
 fn rows_of(dataset: &Dataset) -> usize {
     dataset.shape().first().copied().unwrap_or(0)
 }

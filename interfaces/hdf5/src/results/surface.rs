@@ -1,38 +1,38 @@
-//! Bodies as polygons: what never changes from frame to frame.
+//! Bodies as polygons that are constant over the frames.
 //!
-//! Reads: model; the first frame's poses, which say how large to draw half-spaces.
+//! Reads: model; the first frame's poses, which determine the drawn size of half-spaces.
 
 use super::frame_data::single;
 use ballast::geometry::{AxisBox, Polyhedron};
 use ballast::math::{Pose, Vec3, frame};
 use ballast::model::{DrivenBody, Model, Part, Role};
 
-/// A group of bodies that viewers show or hide together.
+/// Group of bodies that viewers show or hide together.
 #[derive(Debug, Clone)]
 pub(crate) struct SurfaceMesh {
     pub name: &'static str,
-    pub pieces: Vec<Piece>,
+    pub pieces: Vec<SurfacePiece>,
 }
 
 /// Polygons fixed to one body, in its frame.
 #[derive(Debug, Clone)]
-pub(crate) struct Piece {
+pub(crate) struct SurfacePiece {
     pub body: usize,
-    /// Corners: those of a shape of the model placed in the body, or its own.
-    pub corners: Corners,
+    /// Vertices of the polygons.
+    pub corners: PolygonCorners,
 }
 
 #[derive(Debug, Clone)]
-pub(crate) enum Corners {
+pub(crate) enum PolygonCorners {
     Shape {
         shape: usize,
         pose: Pose,
     },
-    /// One rectangle.
+    /// Vertices of one rectangle, m.
     Rectangle([Vec3; 4]),
 }
 
-/// Corners of the box that holds all bodies of finite size, m.
+/// Lower and upper corner of the box around all bodies of finite size, m.
 pub(crate) type Extent = [Vec3; 2];
 
 /// Names of the surfaces, in the order of the file.
@@ -43,17 +43,17 @@ const NAMES: [(&str, Option<Role>); 4] = [
     ("boundary", Some(Role::Boundary)),
 ];
 
-/// Whether results may have a surface of this name.
+/// Returns true if results may have a surface with this name.
 pub(crate) fn is_named(name: &str) -> bool {
     NAMES.iter().any(|(known, _)| *known == name)
 }
 
-/// The surfaces of a model that have any piece.
+/// Returns the surfaces of a model that are not empty.
 pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<SurfaceMesh> {
     let ng = model.grains.len();
-    let grain = |body: usize| Piece {
+    let grain = |body: usize| SurfacePiece {
         body,
-        corners: Corners::Shape {
+        corners: PolygonCorners::Shape {
             shape: model.grains.shape[body] as usize,
             pose: Pose::identity(),
         },
@@ -71,20 +71,22 @@ pub(crate) fn all(model: &Model, poses: &[Pose], extent: &Extent) -> Vec<Surface
     NAMES.into_iter().map(surface).filter(|s| !s.pieces.is_empty()).collect()
 }
 
-fn driven(body: usize, driven: &DrivenBody, pose: &Pose, extent: &Extent) -> Vec<Piece> {
+fn driven(body: usize, driven: &DrivenBody, pose: &Pose, extent: &Extent) -> Vec<SurfacePiece> {
     let piece = |part: &Part| {
         let corners = match part {
-            Part::Convex { shape, pose } => Corners::Shape { shape: *shape as usize, pose: *pose },
+            Part::Convex { shape, pose } => {
+                PolygonCorners::Shape { shape: *shape as usize, pose: *pose }
+            }
             Part::HalfSpace { normal, offset } => {
-                Corners::Rectangle(rectangle(normal, *offset, pose, extent))
+                PolygonCorners::Rectangle(rectangle(normal, *offset, pose, extent))
             }
         };
-        Piece { body, corners }
+        SurfacePiece { body, corners }
     };
     driven.parts.iter().map(piece).collect()
 }
 
-/// The part of a half-space's face that lies beside the scene, in the body's frame.
+/// Returns the part of a half-space's face next to the scene, in the body's frame.
 fn rectangle(normal: &Vec3, offset: f64, pose: &Pose, extent: &Extent) -> [Vec3; 4] {
     let (t, s) = frame::tangents(normal);
     let mut low = [f64::INFINITY; 2];
@@ -101,7 +103,7 @@ fn rectangle(normal: &Vec3, offset: f64, pose: &Pose, extent: &Extent) -> [Vec3;
     [at(low[0], low[1]), at(high[0], low[1]), at(high[0], high[1]), at(low[0], high[1])]
 }
 
-/// The box around all grains, or around the origins of all bodies where there is no grain.
+/// Returns the box around all grains, or around the origins of all bodies without grains.
 pub(crate) fn extent(model: &Model, poses: &[Pose]) -> Extent {
     let ng = model.grains.len();
     let radius = |b: usize| match model.grains.shape.get(b) {
@@ -117,7 +119,7 @@ pub(crate) fn extent(model: &Model, poses: &[Pose]) -> Extent {
 }
 
 impl SurfaceMesh {
-    /// Starts of the polygons `[nf + 1]`, their corners, and the body of each `[nf]`.
+    /// Returns the starts of the polygons `[nf + 1]`, their corners, and the body of each `[nf]`.
     pub fn topology(&self, shapes: &[Polyhedron]) -> (Vec<i64>, Vec<i64>, Vec<i32>) {
         let (mut starts, mut corners, mut bodies) = (vec![0], vec![], vec![]);
         let mut first = 0;
@@ -128,7 +130,7 @@ impl SurfaceMesh {
         };
         for piece in &self.pieces {
             match &piece.corners {
-                Corners::Shape { shape, .. } => {
+                PolygonCorners::Shape { shape, .. } => {
                     let shape = &shapes[*shape];
                     for f in 0..shape.face_count() {
                         let face = shape.face(f).iter().map(|&v| first + i64::from(v));
@@ -136,7 +138,7 @@ impl SurfaceMesh {
                     }
                     first += shape.vertices.len() as i64;
                 }
-                Corners::Rectangle(_) => {
+                PolygonCorners::Rectangle(_) => {
                     polygon(piece.body, &mut (first..first + 4));
                     first += 4;
                 }
@@ -145,29 +147,29 @@ impl SurfaceMesh {
         (starts, corners, bodies)
     }
 
-    /// Number of polygons of each piece, with its body.
+    /// Returns the number of polygons of each piece, with its body.
     pub fn faces<'a>(
         &'a self,
         shapes: &'a [Polyhedron],
     ) -> impl Iterator<Item = (usize, usize)> + 'a {
         self.pieces.iter().map(|piece| match &piece.corners {
-            Corners::Shape { shape, .. } => (piece.body, shapes[*shape].face_count()),
-            Corners::Rectangle(_) => (piece.body, 1),
+            PolygonCorners::Shape { shape, .. } => (piece.body, shapes[*shape].face_count()),
+            PolygonCorners::Rectangle(_) => (piece.body, 1),
         })
     }
 
-    /// All corners in the world, m.
+    /// Returns all corners in world axes, m.
     pub fn points(&self, shapes: &[Polyhedron], poses: &[Pose]) -> Vec<[f32; 3]> {
         let mut points = vec![];
         for piece in &self.pieces {
             let body = &poses[piece.body];
             match &piece.corners {
-                Corners::Shape { shape, pose } => {
+                PolygonCorners::Shape { shape, pose } => {
                     let pose = body.then(pose);
                     let corners = &shapes[*shape].vertices;
                     points.extend(corners.iter().map(|v| single(&pose.point(v))));
                 }
-                Corners::Rectangle(corners) => {
+                PolygonCorners::Rectangle(corners) => {
                     points.extend(corners.iter().map(|v| single(&body.point(v))));
                 }
             }

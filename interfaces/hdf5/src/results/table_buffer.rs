@@ -8,10 +8,10 @@ use super::growing::{
 use crate::error::Fault;
 use hdf5::{Group, Result};
 
-/// Rows kept in memory until they are written.
-const ROWS: usize = 1024;
+/// Maximum number of rows in memory before they are written.
+const MAX_ROWS: usize = 1024;
 
-/// A table with the rows that are not yet in the file.
+/// Table with the rows that are not in the file yet.
 #[derive(Debug)]
 pub(crate) struct TableBuffer {
     columns: Vec<(String, String)>,
@@ -34,7 +34,7 @@ impl TableBuffer {
         Self { columns, steps: vec![], rows: vec![] }
     }
 
-    /// Opens a table of the file, which is of this version, and forgets the rows after `at_step`.
+    /// Opens a table of a file of this version and removes the rows after `at_step`.
     pub fn open(parent: &Group, name: &str, at_step: u64, version: u32) -> Result<Self> {
         let group = parent.group(name)?;
         let columns = read_texts(&group, "columns", version)?;
@@ -66,10 +66,10 @@ impl TableBuffer {
     }
 
     pub fn is_full(&self) -> bool {
-        self.steps.len() >= ROWS
+        self.steps.len() >= MAX_ROWS
     }
 
-    /// Writes the gathered rows.
+    /// Writes the collected rows.
     pub fn store(&mut self, parent: &Group, name: &str) -> Result<()> {
         if self.steps.is_empty() {
             return Ok(());

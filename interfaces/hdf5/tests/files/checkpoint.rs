@@ -6,7 +6,7 @@ use ballast::state::State;
 use ballast_hdf5::checkpoint::{Kind, read, write};
 use ballast_hdf5::{Error, state_hash};
 
-/// Bit patterns: `==` cannot tell 0.0 from -0.0.
+/// Bit patterns: `==` does not distinguish 0.0 from -0.0.
 fn bits(state: &State) -> Vec<u64> {
     let vectors =
         [&state.position, &state.velocity, &state.angular_velocity, &state.contacts.impulse];
@@ -60,7 +60,7 @@ fn an_empty_model_comes_back() {
     assert_eq!(read(&path).unwrap(), written);
 }
 
-/// The parent writes, a child process reads and tells the fingerprint of what it read.
+/// The parent writes, a child process reads it and prints the hash.
 #[test]
 fn another_process_reads_the_same_bits() {
     if let Ok(path) = std::env::var("BALLAST_TEST_READ") {
@@ -78,8 +78,8 @@ fn another_process_reads_the_same_bits() {
         .output()
         .unwrap();
     let expected = format!("fingerprint {:032x}", state_hash(&written.model, &written.state));
-    let told = String::from_utf8_lossy(&child.stdout);
-    assert!(child.status.success() && told.contains(&expected), "{expected}: {told}");
+    let message = String::from_utf8_lossy(&child.stdout);
+    assert!(child.status.success() && message.contains(&expected), "{expected}: {message}");
 }
 
 #[test]
@@ -159,8 +159,8 @@ fn no_room_leaves_the_earlier_file_and_no_rest() {
         .env("BALLAST_TEST_NO_ROOM", &path)
         .output()
         .unwrap();
-    let told = String::from_utf8_lossy(&child.stdout);
-    assert!(child.status.success() && told.contains("refused: "), "{child:?}");
+    let message = String::from_utf8_lossy(&child.stdout);
+    assert!(child.status.success() && message.contains("refused: "), "{child:?}");
     assert!(std::fs::read(&path).unwrap() == before);
     let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().collect();
     assert_eq!(left.len(), 1, "{left:?}");

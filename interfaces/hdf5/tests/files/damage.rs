@@ -59,8 +59,8 @@ fn other_files_are_told_apart() {
         (b"ballast-checkpoint 3\n", "21 bytes"),
     ] {
         std::fs::write(&path, content).unwrap();
-        let told = read(&path).unwrap_err().to_string();
-        assert!(told.contains(word) && told.contains("other.h5"), "{word}: {told}");
+        let message = read(&path).unwrap_err().to_string();
+        assert!(message.contains(word) && message.contains("other.h5"), "{word}: {message}");
     }
 }
 
@@ -134,7 +134,7 @@ fn senseless_values_are_refused_with_their_place() {
         ("parts/kind: expected 0", |f| set(f, "parts/kind", 0, 7_u8)),
         ("expected a known shape", |f| set(f, "parts/shape", 2, 99_u32)),
         ("driven/role: expected", |f| set(f, "driven/role", 0, text("king"))),
-        ("a name of its own", |f| set(f, "driven/name", 1, text("floor"))),
+        ("a unique name", |f| set(f, "driven/name", 1, text("floor"))),
         ("driven/mount: expected modes 0, 1 or 2, found 7", |f| set(f, "driven/mount", 7, 7.0)),
         ("solver/schedule: expected", |f| set(f, "solver/schedule", 0, text("fast"))),
         ("format: expected ballast-checkpoint 4, found ballast-checkpoint 9", |f| {
@@ -191,8 +191,8 @@ fn senseless_values_are_refused_with_their_place() {
         let path = good_file(folder.path());
         edit(&File::open_rw(&path).unwrap());
         reseal(&path).unwrap();
-        let told = read(&path).expect_err(expected).to_string();
-        assert!(told.contains(expected) && told.contains("run.h5"), "{expected}\n{told}");
+        let message = read(&path).expect_err(expected).to_string();
+        assert!(message.contains(expected) && message.contains("run.h5"), "{expected}\n{message}");
     }
 }
 

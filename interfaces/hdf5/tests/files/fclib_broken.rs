@@ -6,8 +6,8 @@ use ballast_hdf5::fclib::{Storage, read, write_local};
 use hdf5::File;
 use std::path::Path;
 
-/// What reading says after `change`.
-fn told(storage: Storage, change: impl Fn(&File)) -> String {
+/// Returns the error of reading after `change`.
+fn message(storage: Storage, change: impl Fn(&File)) -> String {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("broken.hdf5");
     write_local(&path, &small(), storage).unwrap();
@@ -35,15 +35,15 @@ fn missing_parts_are_named() {
     let parts = ["W/m", "W/n", "W/nz", "W/p", "W/i", "W/x", "vectors/q", "vectors/mu", "spacedim"];
     for part in parts {
         let name = format!("fclib_local/{part}");
-        has(&told(Storage::Rows, |f| f.unlink(&name).unwrap()), &[&name, "nothing"]);
+        has(&message(Storage::Rows, |f| f.unlink(&name).unwrap()), &[&name, "nothing"]);
     }
-    let gone = told(Storage::Rows, |f| f.unlink("fclib_local/W").unwrap());
+    let gone = message(Storage::Rows, |f| f.unlink("fclib_local/W").unwrap());
     has(&gone, &["fclib_local/W", "nothing"]);
     has(
-        &told(Storage::Rows, |f| f.unlink("fclib_local").unwrap()),
+        &message(Storage::Rows, |f| f.unlink("fclib_local").unwrap()),
         &["fclib_local or fclib_global"],
     );
-    let instead = told(Storage::Rows, |f| {
+    let instead = message(Storage::Rows, |f| {
         f.unlink("fclib_local/W").unwrap();
         put(f, "fclib_local/W", &[1_i32]);
     });
@@ -54,29 +54,32 @@ fn missing_parts_are_named() {
 fn sizes_that_do_not_fit_are_refused() {
     for (part, value) in [("m", 7_i32), ("n", 3), ("m", -6), ("n", i32::MAX)] {
         let name = format!("fclib_local/W/{part}");
-        has(&told(Storage::Rows, |f| put(f, &name, &[value])), &[&name, &value.to_string()]);
+        has(&message(Storage::Rows, |f| put(f, &name, &[value])), &[&name, &value.to_string()]);
     }
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/W/m", &[6_i32, 6])), &["2 numbers"]);
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/vectors/q", &[0.0; 7])), &["three", "7"]);
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/vectors/mu", &[0.5])), &["mu", "[2]", "[1]"]);
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/spacedim", &[2_i32])), &["spacedim", "2"]);
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/vectors/q", &[1_i32; 6])), &["type"]);
+    has(&message(Storage::Rows, |f| put(f, "fclib_local/W/m", &[6_i32, 6])), &["2 numbers"]);
+    has(&message(Storage::Rows, |f| put(f, "fclib_local/vectors/q", &[0.0; 7])), &["three", "7"]);
+    has(
+        &message(Storage::Rows, |f| put(f, "fclib_local/vectors/mu", &[0.5])),
+        &["mu", "[2]", "[1]"],
+    );
+    has(&message(Storage::Rows, |f| put(f, "fclib_local/spacedim", &[2_i32])), &["spacedim", "2"]);
+    has(&message(Storage::Rows, |f| put(f, "fclib_local/vectors/q", &[1_i32; 6])), &["type"]);
     for nz in [11_i32, i32::MAX] {
-        let text = told(Storage::Triplets, |f| put(f, "fclib_local/W/nz", &[nz]));
+        let text = message(Storage::Triplets, |f| put(f, "fclib_local/W/nz", &[nz]));
         has(&text, &["as nz says", &nz.to_string()]);
     }
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/W/nz", &[-3_i32])), &["nz", "-3"]);
+    has(&message(Storage::Rows, |f| put(f, "fclib_local/W/nz", &[-3_i32])), &["nz", "-3"]);
 }
 
 #[test]
 fn indices_out_of_range_are_refused() {
     for storage in [Storage::Rows, Storage::Columns, Storage::Triplets] {
         for index in [-1_i32, 6, i32::MAX, i32::MIN] {
-            let text = told(storage, |f| put(f, "fclib_local/W/i", &[index; 10]));
+            let text = message(storage, |f| put(f, "fclib_local/W/i", &[index; 10]));
             has(&text, &["W/i", &format!("{index} at 0")]);
         }
     }
-    has(&told(Storage::Triplets, |f| put(f, "fclib_local/W/p", &[9_i32; 10])), &["9 at 0"]);
+    has(&message(Storage::Triplets, |f| put(f, "fclib_local/W/p", &[9_i32; 10])), &["9 at 0"]);
     for starts in [
         [0_i32, 9, 4, 6, 8, 9, 10],
         [0, 2, 4, 6, 8, 9, 11],
@@ -84,9 +87,12 @@ fn indices_out_of_range_are_refused() {
         [1, 2, 4, 6, 8, 9, 10],
         [-5, 2, 4, 6, 8, 9, 10],
     ] {
-        has(&told(Storage::Rows, |f| put(f, "fclib_local/W/p", &starts)), &["W/p", "7 starts"]);
+        has(&message(Storage::Rows, |f| put(f, "fclib_local/W/p", &starts)), &["W/p", "7 starts"]);
     }
-    has(&told(Storage::Columns, |f| put(f, "fclib_local/W/p", &[0_i32, 10])), &["W/p", "7 starts"]);
+    has(
+        &message(Storage::Columns, |f| put(f, "fclib_local/W/p", &[0_i32, 10])),
+        &["W/p", "7 starts"],
+    );
 }
 
 #[test]
@@ -94,20 +100,20 @@ fn values_that_make_no_sense_are_refused() {
     for (name, size) in [("W/x", 10), ("vectors/q", 6), ("vectors/mu", 2)] {
         let name = format!("fclib_local/{name}");
         for value in [f64::NAN, f64::INFINITY] {
-            has(&told(Storage::Rows, |f| put(f, &name, &vec![value; size])), &[&name, "finite"]);
+            has(&message(Storage::Rows, |f| put(f, &name, &vec![value; size])), &[&name, "finite"]);
         }
     }
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/vectors/mu", &[0.5, -0.1])), &["-0.1"]);
+    has(&message(Storage::Rows, |f| put(f, "fclib_local/vectors/mu", &[0.5, -0.1])), &["-0.1"]);
     // A contact that nothing can move.
-    has(&told(Storage::Rows, |f| put(f, "fclib_local/W/x", &[0.0; 10])), &["W_nn"]);
-    has(&told(Storage::Rows, |f| put(f, "solution/r", &[f64::NAN; 6])), &["solution/r"]);
-    has(&told(Storage::Rows, |f| put(f, "guesses/1/r", &[0.0; 5])), &["guesses/1/r"]);
+    has(&message(Storage::Rows, |f| put(f, "fclib_local/W/x", &[0.0; 10])), &["W_nn"]);
+    has(&message(Storage::Rows, |f| put(f, "solution/r", &[f64::NAN; 6])), &["solution/r"]);
+    has(&message(Storage::Rows, |f| put(f, "guesses/1/r", &[0.0; 5])), &["guesses/1/r"]);
 }
 
 #[test]
 fn joints_are_refused_not_left_out() {
     has(
-        &told(Storage::Rows, |f| put(f, "fclib_local/R/m", &[1_i32])),
+        &message(Storage::Rows, |f| put(f, "fclib_local/R/m", &[1_i32])),
         &["fclib_local/R", "joints"],
     );
     let folder = tempfile::tempdir().unwrap();
@@ -138,9 +144,9 @@ fn claims_far_beyond_the_file_are_refused_at_once() {
         builder.create("fclib_local/W/x").unwrap();
     };
     // No chunk of it is stored.
-    has(&told(Storage::Rows, |f| chunked(f, 1 << 50, 1 << 10)), &["W/x", "at most"]);
+    has(&message(Storage::Rows, |f| chunked(f, 1 << 50, 1 << 10)), &["W/x", "at most"]);
     // One small dataset in a huge chunk.
-    has(&told(Storage::Rows, |f| chunked(f, 10, 1 << 28)), &["W/x", "at most"]);
+    has(&message(Storage::Rows, |f| chunked(f, 10, 1 << 28)), &["W/x", "at most"]);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! Every file of ours tells what it is.
+//! Summaries of all kinds of files.
 
 use crate::scene;
 use ballast_hdf5::checkpoint::write;

@@ -1,4 +1,4 @@
-"""Reads a results file with VTK's own reader and tells what it saw, one fact a line."""
+"""Reads a results file with VTK's own reader and prints one fact per line."""
 
 import sys
 
@@ -6,7 +6,7 @@ import vtk
 from vtk.util.numpy_support import vtk_to_numpy
 
 
-def tell(frame, name, data):
+def report(frame, name, data):
     points, polys, verts = data.GetNumberOfPoints(), data.GetNumberOfPolys(), data.GetNumberOfVerts()
     print(f"{frame} {name} points {points} polygons {polys} vertices {verts}")
     if points:
@@ -38,7 +38,7 @@ def collection(path):
         blocks = reader.GetOutputDataObject(0)
         for k in range(blocks.GetNumberOfBlocks()):
             name = blocks.GetMetaData(k).Get(vtk.vtkCompositeDataSet.NAME())
-            tell(frame, name, blocks.GetBlock(k))
+            report(frame, name, blocks.GetBlock(k))
 
 
 def polydata(path):
@@ -46,7 +46,7 @@ def polydata(path):
     reader.SetFileName(path)
     reader.Update()
     assert reader.GetErrorCode() == 0
-    tell(0, "file", reader.GetOutput())
+    report(0, "file", reader.GetOutput())
 
 
 for path in sys.argv[1:]:

@@ -141,19 +141,19 @@ fn misuse_is_refused() {
     let mut writer = write_frames(&path, 0..2);
     let mut model = scene::model();
     let (state, workspace) = frame(&model, 1);
-    let told = |r: Result<(), Error>| match r {
+    let message = |r: Result<(), Error>| match r {
         Err(e @ Error::Refused { .. }) => e.to_string(),
         other => panic!("{other:?}"),
     };
-    let again = told(writer.frame(&model, &state, &workspace));
+    let again = message(writer.frame(&model, &state, &workspace));
     assert!(again.contains("expected a step after 10, found 10"), "{again}");
-    assert!(told(writer.append("solver", 20, &[1.0])).contains("expected 2 values, found 1"));
-    assert!(told(writer.append("solvr", 20, &[1.0])).contains("solvr"));
-    assert!(told(writer.table("solver", &[("x", "m")])).contains("iterations"));
-    assert!(told(writer.table("a/b", &[("x", "m")])).contains("a/b"));
+    assert!(message(writer.append("solver", 20, &[1.0])).contains("expected 2 values, found 1"));
+    assert!(message(writer.append("solvr", 20, &[1.0])).contains("solvr"));
+    assert!(message(writer.table("solver", &[("x", "m")])).contains("iterations"));
+    assert!(message(writer.table("a/b", &[("x", "m")])).contains("a/b"));
     writer.close().unwrap();
     model.grains.mass[0] *= 2.0;
-    let other = told(ResultsWriter::append_to(&path, &model, 10).map(drop));
+    let other = message(ResultsWriter::append_to(&path, &model, 10).map(drop));
     assert!(other.contains("bodies"), "{other}");
     assert!(matches!(
         ResultsWriter::create(folder.path().join("no/r.h5"), &model, &meta()),
@@ -162,7 +162,7 @@ fn misuse_is_refused() {
     assert!(ResultsReader::open(folder.path().join("none.h5")).is_err());
 }
 
-/// SIGKILL at any moment: all frames that were reported are there, and the run can go on.
+/// SIGKILL at any moment: all frames that were reported are there, and the run can continue.
 #[cfg(unix)]
 #[test]
 fn a_killed_run_leaves_its_frames() {
@@ -291,8 +291,8 @@ fn a_checkpoint_is_no_results_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoint.h5");
     ballast_hdf5::checkpoint::write(&path, &scene::checkpoint()).unwrap();
-    let told = ResultsReader::open(&path).unwrap_err().to_string();
-    assert!(told.contains("expected ballast-results, found ballast-checkpoint"), "{told}");
+    let message = ResultsReader::open(&path).unwrap_err().to_string();
+    assert!(message.contains("expected ballast-results, found ballast-checkpoint"), "{message}");
 }
 
 /// The HDF5 library reads outside of its memory in some damaged files: it must not see any.
@@ -309,8 +309,8 @@ fn a_changed_byte_of_complete_results_is_noticed() {
         damaged[at] ^= 1 << (at % 8);
         std::fs::write(&path, &damaged).unwrap();
         let error = ResultsReader::open(&path).expect_err("opened");
-        let told = matches!(&error, Error::Damaged { place, .. } if place == "checksum");
-        assert!(told, "byte {at}: {error}");
+        let message = matches!(&error, Error::Damaged { place, .. } if place == "checksum");
+        assert!(message, "byte {at}: {error}");
         damaged[at] = whole[at];
     }
     // Without the seal it is a file that is not complete.
@@ -409,12 +409,12 @@ fn no_room_is_an_error_and_not_an_end() {
         format!("exec '{}' --exact {NAME} --nocapture", std::env::current_exe().unwrap().display());
     let told_by = |command: &mut Command| {
         let child = command.env("BALLAST_TEST_NO_ROOM", folder.path()).output().unwrap();
-        let told = String::from_utf8_lossy(&child.stdout).into_owned();
-        assert!(child.status.success() && told.contains("lives on"), "{child:?}");
-        told
+        let message = String::from_utf8_lossy(&child.stdout).into_owned();
+        assert!(child.status.success() && message.contains("lives on"), "{child:?}");
+        message
     };
     told_by(Command::new("sh").args(["-c", &format!("trap '' XFSZ; ulimit -f 4000; {test}")]));
-    // A disk of its own, which is full, takes the rights of a name space of its own.
+    // A separate disk, which is full, needs a separate mount namespace.
     let apart = |script: &str| {
         let mut command = Command::new("unshare");
         command.args(["--user", "--map-root-user", "--mount", "sh", "-c", script]);
@@ -422,13 +422,13 @@ fn no_room_is_an_error_and_not_an_end() {
     };
     let disk = format!("mount -t tmpfs -o size=2m tmpfs '{}'", folder.path().display());
     if apart(&disk).output().is_ok_and(|o| o.status.success()) {
-        let told = told_by(&mut apart(&format!("{disk} && {test}")));
+        let message = told_by(&mut apart(&format!("{disk} && {test}")));
         assert!(
-            told.contains("frames are whole") && told.contains(": No space left on device\n"),
-            "{told}"
+            message.contains("frames are whole") && message.contains(": No space left on device\n"),
+            "{message}"
         );
     } else {
-        left_out("this system lets nobody mount a small disk");
+        left_out("this system does not allow mounting a small disk");
     }
 }
 
@@ -449,7 +449,7 @@ fn meet_the_end_of_room(folder: &Path) {
         }
         Ok(())
     };
-    // Some 300 fit: a write that nobody hears fail would go on.
+    // Some 300 fit: a write with a lost error would continue.
     let error: Error = (0..400).find_map(|f| write(f).err()).expect("no limit met");
     println!("refused at {last}: {error}");
     drop(writer);
@@ -481,7 +481,7 @@ fn all_are_whole(path: &Path, model: &Model, count: u64) {
     println!("{count} frames are whole");
 }
 
-/// Facts that VTK tells about `files`; `None` where there is no VTK.
+/// Returns facts that VTK reports about `files`; `None` without VTK.
 fn told_by_vtk(files: &[&Path]) -> Option<Vec<String>> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/python/bin/python");
     let python = std::env::var_os("BALLAST_TEST_PYTHON").map_or(own, PathBuf::from);
@@ -492,10 +492,10 @@ fn told_by_vtk(files: &[&Path]) -> Option<Vec<String>> {
     }
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/files/read_frames.py");
     let output = Command::new(python).arg(script).args(files).output().unwrap();
-    let (told, errors) =
+    let (message, errors) =
         (String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr));
-    assert!(output.status.success() && !errors.contains("ERR"), "{told}\n{errors}");
-    Some(told.lines().map(str::to_string).collect())
+    assert!(output.status.success() && !errors.contains("ERR"), "{message}\n{errors}");
+    Some(message.lines().map(str::to_string).collect())
 }
 
 fn has(facts: &[String], fact: &str) {
@@ -564,7 +564,7 @@ fn exported_tables_are_plain_csv() {
     assert_eq!(left, files.len(), "nothing beside them");
 }
 
-/// The same file with texts of variable length, as version 1 had them.
+/// Converts a file to texts of variable length, as in version 1.
 fn as_version_1(path: &Path) {
     use hdf5::types::VarLenUnicode;
     let names = ["format", "case_name", "case_text", "key", "program", "bodies_hash"];
@@ -602,12 +602,12 @@ fn nothing_lies_in_a_heap_and_files_where_it_did_are_read_and_go_on() {
         (about, reader.bodies().unwrap(), reader.table("solver").unwrap())
     };
     let new = ResultsReader::open(&path).unwrap();
-    let (told, version) = (of(&new), new.version());
+    let (message, version) = (of(&new), new.version());
     drop(new);
     as_version_1(&path);
     assert!(has_heap());
     let old = ResultsReader::open(&path).unwrap();
-    assert_eq!((of(&old), old.version(), version), (told, 1, 2));
+    assert_eq!((of(&old), old.version(), version), (message, 1, 2));
     drop(old);
     let mut writer = ResultsWriter::append_to(&path, &scene::model(), 20).unwrap();
     writer.table("solver", &COLUMNS).unwrap();
@@ -634,8 +634,8 @@ fn tables_may_have_many_columns_with_long_names() {
     let mut writer = ResultsWriter::create(&path, &scene::model(), &meta()).unwrap();
     writer.table("wide", &columns).unwrap();
     writer.close().unwrap();
-    let told = ResultsReader::open(&path).unwrap().table("wide").unwrap().columns;
-    assert!(told.iter().map(|(name, unit)| (&name[..], &unit[..])).eq(columns));
+    let message = ResultsReader::open(&path).unwrap().table("wide").unwrap().columns;
+    assert!(message.iter().map(|(name, unit)| (&name[..], &unit[..])).eq(columns));
 }
 
 #[test]

@@ -23,7 +23,7 @@ use zenoh::qos::CongestionControl;
 use zenoh::query::Query;
 use zenoh::{Session, Wait};
 
-/// LastMessages message by key: bytes and encoding.
+/// Last message of each key: bytes and encoding.
 type LastMessages = Arc<Mutex<BTreeMap<String, (Vec<u8>, Encoding)>>>;
 
 /// Publishers by key.

@@ -152,7 +152,7 @@ fn iterations(most: u32) -> ParameterUpdate {
 #[test]
 fn a_run_that_went_on_without_its_client_is_gone_on_with_from_a_kept_state_only() {
     let (served, proxy, mut client) = cuttable(patient());
-    // SolverParameters that another client has set, and one window that another client has computed with other inputs.
+    // Parameters that another client has set, and one window that another client has computed with other inputs.
     for windows in [0, 1] {
         step(&mut client).unwrap();
         client.save("here").unwrap();
