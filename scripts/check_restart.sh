@@ -2,7 +2,7 @@
 # Runs the first steps of a case once in one go, and once in two processes with a checkpoint between
 # them and another number of threads: both must end in the same state, to the bit.
 #
-#   scripts/check_restart.sh CASE [STEPS]      (20 steps unless told; needs the program built)
+#   scripts/check_restart.sh CASE [STEPS]      (20 steps by default; needs the program built)
 set -eu
 case=$1
 steps=${2:-20}

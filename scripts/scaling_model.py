@@ -28,7 +28,7 @@ def table(path: Path) -> tuple[dict[str, str], list[dict[str, str]]]:
 
 
 class Row(NamedTuple):
-    """A step of a bed of so many grains on so many threads; times in s, shares of 1."""
+    """Times (s) and fractions (1) of a step, for a number of grains and threads."""
 
     grains: int
     threads: int

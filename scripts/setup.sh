@@ -39,5 +39,5 @@ fi
 # Another apt may hold the lock for a while.
 apt=("${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=400)
 echo "setup: installing ${need[*]} with ${as_root[*]:+${as_root[*]} }apt-get" >&2
-"${apt[@]}" update -qq || echo "setup: the package lists could not be refreshed; trying those at hand" >&2
+"${apt[@]}" update -qq || echo "setup: the package lists could not be refreshed; trying the existing ones" >&2
 "${apt[@]}" install -y --no-install-recommends "${need[@]}"

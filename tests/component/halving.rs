@@ -1,5 +1,5 @@
-//! How finely a vibration has to be told: impulses on a tine against cubes that cannot go anywhere, for windows of
-//! several lengths and each interpolation. `cargo test --release --test component halving -- --nocapture` prints
+//! Resolution that the motion of a vibration needs: impulses on a tine against confined cubes, for windows of several
+//! lengths and each interpolation. `cargo test --release --test component halving -- --nocapture` prints
 //! the table of docs/src/coupling/windows.md.
 
 use crate::MS;

@@ -34,7 +34,7 @@ pub fn heap(limits: Limits) -> Component {
     heap_scheduled(limits, Schedule::Synchronous)
 }
 
-/// The same with another schedule.
+/// Builds the scene of [`heap`] with a schedule.
 pub fn heap_scheduled(limits: Limits, schedule: Schedule) -> Component {
     let mut scene = heap::falling(2, MS).scheduled(schedule, [2, 1, 1]);
     scene.model.solver.max_iterations = 200;
@@ -64,14 +64,14 @@ pub fn shaken(rest: Pose, t0_ns: u64, t1_ns: u64) -> MotionInput {
     MotionInput { body: FLOOR.into(), waveform, allow_jump: false }
 }
 
-/// Where the floor is.
+/// Returns the pose of the floor.
 pub fn floor(component: &Component) -> Pose {
     let model = component.model();
     let d = model.driven_index(FLOOR).expect("the floor");
     component.state().imposed(model, d)
 }
 
-/// Whether two states are the same to the bit.
+/// Returns true if two states are equal bit for bit.
 pub fn same(a: &State, b: &State) -> bool {
     let bits = |s: &State| {
         let vectors = s

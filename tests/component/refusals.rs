@@ -67,7 +67,7 @@ fn windows_must_join() {
         pose.orientation = Quat::from_scaled_axis(Vec3::z() * 1e-3) * pose.orientation;
     });
     check(&turned, "input_jump", &[FLOOR, "1.000e-3 rad"]);
-    // Told to, the body goes there.
+    // A jump that is allowed moves the body there.
     let mut component = heap(Limits::default());
     let mut input = shaken(floor(&component), 0, 50 * MS);
     input.waveform.knots[0].pose.position.z += 2e-6;
@@ -93,7 +93,7 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
     let mut jerked = shaken(rest, 30 * MS, 40 * MS);
     jerked.waveform.knots[0].velocity.x += 0.01;
     check(&component.advance_to(40 * MS, &[jerked]).expect_err("a jerk"), "input_jump", &["m/s"]);
-    component.advance_to(40 * MS, &[shaken(rest, 30 * MS, 40 * MS)]).expect("it goes on");
+    component.advance_to(40 * MS, &[shaken(rest, 30 * MS, 40 * MS)]).expect("the motion continues");
 }
 
 #[test]
@@ -116,7 +116,7 @@ fn a_body_at_rest_does_not_start_at_speed_unasked() {
     component.advance_to(MS, &[]).expect("it stays");
     let jerk = component.advance_to(2 * MS, &[begun(MS, false)]).expect_err("a jerk");
     check(&jerk, "input_jump", &[FLOOR, "0.000e0", "-5.000e-1"]);
-    component.advance_to(2 * MS, &[begun(MS, true)]).expect("told to");
+    component.advance_to(2 * MS, &[begun(MS, true)]).expect("an allowed jump");
 }
 
 /// A floor that moves and turns, with two knots that are far apart.
@@ -158,9 +158,9 @@ fn nor_between_its_knots() {
         let refusal = component.advance_to(40 * MS, &[jerked]).expect_err("a jerk");
         check(&refusal, "input_jump", &["rad/s"]);
         let state = component.save();
-        component.advance_to(40 * MS, &[joined]).expect("it goes on");
+        component.advance_to(40 * MS, &[joined]).expect("the motion continues");
         component.restore(state).expect("its own state");
-        component.advance_to(40 * MS, &[input]).expect("it goes on, by the same knots");
+        component.advance_to(40 * MS, &[input]).expect("the motion continues, by the same knots");
     }
 }
 

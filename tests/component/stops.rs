@@ -8,7 +8,7 @@ use ballast::model::Schedule;
 use ballast::step::{Phase, StepObserver};
 use std::thread::{self, ThreadId};
 
-/// Ends a window while the step after so many is solved.
+/// Observer that ends a window during the step after `steps` complete ones.
 struct After {
     steps: u64,
     stop: StopReason,

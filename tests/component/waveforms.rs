@@ -1,4 +1,4 @@
-//! What lies between knots.
+//! Values of waveforms between their knots.
 
 use crate::MS;
 use ballast::component::{Interpolation, Knot, MotionInput, Waveform};

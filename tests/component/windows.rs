@@ -121,7 +121,7 @@ fn restored_and_forked_are_never_interrupted() {
     assert_eq!(component.redo(&[]).expect_err("nothing yet").code(), "nothing_to_redo");
     shake(&mut component, rest, 100, 60);
     assert_eq!(component.save(), end, "restored");
-    // A state that another drive has left knows no twists of the last window; the motion goes on.
+    // A state that another drive has left knows no twists of the last window; the motion continues.
     let foreign = ballast::state::State { window: Default::default(), ..(*kept).clone() };
     let mut other = heap(Limits::default());
     other.restore(foreign).expect("a state of this model");
@@ -191,7 +191,7 @@ fn trouble_is_discarded_or_cut_off() {
             component.advance_to(50 * MS, from_ref(&input)).expect("a request in good form");
         let trouble = outcome.error.clone().expect("a word on it");
         assert_eq!(trouble.code(), "over_speed");
-        // Of what was taken back there is nothing to measure.
+        // A discarded window has nothing to measure.
         assert_eq!(outcome.zones.len(), usize::from(keep_partial_window));
         let trouble = trouble.to_string();
         assert!(trouble.contains("half of the smallest grain"), "{trouble}");
@@ -247,7 +247,7 @@ fn press(component: &mut Component, way: f64) -> WindowResult {
     press_with(component, "lid", way)
 }
 
-/// The same with either lid.
+/// Advances one step, in which `lid` moves down by `way`, m.
 fn press_with(component: &mut Component, lid: &str, way: f64) -> WindowResult {
     let t0 = component.now_ns();
     let body = component.model().driven_index(lid).expect("a lid");
@@ -282,7 +282,7 @@ fn the_window_that_presses_too_deep_is_taken_back_and_not_the_one_after_it() {
     assert_eq!(outcome.status, WindowStatus::Discard);
     assert_eq!(outcome.error.expect("a word").code(), "penetration");
     assert_eq!(component.save(), before);
-    // It goes on from there, also where less is allowed than there is already.
+    // It continues from there, even if the limit is below the present penetration.
     for penetration in [between, 0.5 * depths[4]] {
         let parameters = Parameters { penetration, ..component.parameters() };
         component.set_parameters(&parameters).expect("a limit");
@@ -300,7 +300,7 @@ fn a_limit_of_penetration_holds_for_each_pair_whatever_is_deeper_elsewhere() {
     let penetration = 0.5 * depths[4];
     let parameters = Parameters { penetration, ..component.parameters() };
     component.set_parameters(&parameters).expect("a limit");
-    // What is deeper there already is let be; the other cube is not pressed in as deep.
+    // Penetration that exceeds the limit already is accepted; the other cube is not pressed in as deep.
     let mut kept = 0;
     while press_with(&mut component, "other lid", 1e-4).status != WindowStatus::Discard {
         kept += 1;

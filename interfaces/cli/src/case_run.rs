@@ -47,12 +47,12 @@ pub struct CaseRun {
     /// Phase of the cycle in the last step.
     phase: TampingPhase,
     dump: Option<ProblemDump>,
-    /// Of recording and problems.
+    /// Errors of the recording and of the problem dump, which do not end the run.
     errors: NonFatalErrors,
     observer: RunObserver,
     /// Step at which this process took over.
     first: u64,
-    /// Whether the recording that is replayed had no further step.
+    /// True if the replayed recording has no further step.
     is_over: bool,
     /// Wall time since the last checkpoint; `None` writes none between those of the case.
     checkpoint_timer: Option<CheckpointTimer>,
@@ -78,7 +78,7 @@ impl CaseRun {
         Ok(Self::assemble(case, run, files, recorder, recording, console))
     }
 
-    /// Takes a run up at its checkpoint, to go on up to step `last`, if one is given.
+    /// Resumes a run from its checkpoint, up to step `last` if one is given.
     pub fn resume(path: &Path, last: Option<u64>, console: Console) -> Outcome<Self> {
         // What is no checkpoint of a run leaves nothing in its folder.
         resumable(path)?;
@@ -128,7 +128,7 @@ impl CaseRun {
         Self { checkpoint_timer: Some(CheckpointTimer::start(interval)), ..self }
     }
 
-    /// The same session, which keeps contact problems.
+    /// Returns the session with `dump`, which writes contact problems to files.
     pub fn dumping(self, dump: Option<ProblemDump>) -> Self {
         Self { dump, ..self }
     }
@@ -175,10 +175,10 @@ impl CaseRun {
         self.finish(expected)
     }
 
-    /// Steps of the whole: of the recording, where its end is known or told, or of the case.
+    /// Returns the number of steps of the recording if its end is known or stated, otherwise that of the case.
     fn whole(&self) -> u64 {
-        let told = || Some(self.step_at(self.run.recording()?.stated_end_ns()?));
-        self.end().or_else(told).unwrap_or(self.case.steps())
+        let stated = || Some(self.step_at(self.run.recording()?.stated_end_ns()?));
+        self.end().or_else(stated).unwrap_or(self.case.steps())
     }
 
     /// The last step of case or recording, where it is known.
@@ -238,8 +238,8 @@ impl CaseRun {
         Ok(Some(report))
     }
 
-    /// Whether something that happens every `interval` (ns) of simulated time is due. The end of
-    /// the case is always due: what it shows must not depend on the interval.
+    /// Returns true if an output with `interval` (ns) of simulated time is due. Each output is due at the end of the
+    /// case, so that the final results do not depend on the interval.
     fn is_due(&self, interval: u64) -> bool {
         let state = self.run.state();
         let ended = state.step == self.case.steps();
@@ -297,7 +297,9 @@ impl CaseRun {
         } else {
             self.checkpoint()?;
             let path = shell_word(self.files.checkpoint());
-            format!("stopped cleanly after step {step} of {all}; go on with: ballast resume {path}")
+            format!(
+                "stopped cleanly after step {step} of {all}; continue with: ballast resume {path}"
+            )
         };
         Err(match self.errors.first_error() {
             Some(failure) => failure.with(&format!("; {text}")),
@@ -348,7 +350,7 @@ impl CaseRun {
         }
     }
 
-    /// Whether this is the end of the case, or of a recording that is whole.
+    /// Returns true at the end of the case, or at the end of a complete recording.
     fn is_complete(&self) -> bool {
         let lost = self.run.recording().and_then(|recording| recording.lost());
         lost.is_none() && self.run.state().step == self.whole()
@@ -375,7 +377,7 @@ impl CaseRun {
         summary
     }
 
-    /// What the summary that is there says of the time this state took, where nothing was computed since.
+    /// Returns the timing of the existing summary if it describes this state and no step was computed since.
     fn timing_of_before(&self, hash: &str) -> Option<Value> {
         if self.run.state().step > self.first {
             return None;
@@ -419,7 +421,7 @@ fn resumable(path: &Path) -> Outcome<Checkpoint> {
         return Err(Failure::at(path, what));
     }
     if case::is_served(&saved) {
-        let what = "it is of a run that others drive; go on with `ballast serve CASE --resume`";
+        let what = "it is of a run that others drive; continue with `ballast serve CASE --resume`";
         return Err(Failure::at(path, what));
     }
     if saved.state.step > 0 && saved.state.driver.kind != TampingCycle::KIND {
@@ -461,7 +463,7 @@ pub fn warn_unless_repeatable(case: &Case, console: Console) {
     }
 }
 
-/// Where a run stands.
+/// Progress of a run after a step.
 struct RunMark {
     step: u64,
     time: f64,

@@ -1,15 +1,15 @@
-//! What is done beside a run, and is not worth its end: recordings, problems that are kept, checkpoints of what is served.
+//! Errors that do not end a run: those of recordings, problem dumps and checkpoints of served runs.
 //!
-//! Contract: what cannot be written is told at once, the run goes on to its own end, and the program ends with the first
-//! failure. Whether it is given up, as a recording, or tried again, as a checkpoint, is for who writes it.
+//! Contract: an error is reported at once, the run continues, and the program ends with the first error. The caller
+//! decides to give up, as for a recording, or to try again, as for a checkpoint.
 
 use crate::console::Console;
 use crate::exit::{Failure, Outcome};
 
-/// What has gone wrong so far.
+/// Errors of a run that have not ended it.
 pub struct NonFatalErrors {
     console: Console,
-    /// The first of it.
+    /// First error.
     first: Option<Failure>,
 }
 
@@ -18,16 +18,16 @@ impl NonFatalErrors {
         Self { console, first: None }
     }
 
-    /// Whether it went well; tells it if it did not.
+    /// Returns true if `result` is `Ok`; shows an error as a warning.
     pub fn report(&mut self, what: &str, result: Outcome) -> bool {
         let Err(failure) = result else { return true };
-        let more = "; the run goes on without it";
+        let more = "; the run continues without it";
         self.console.warning(&format!("{what}: {failure}{more}"));
-        self.first.get_or_insert_with(|| failure.with("; the run went on without it"));
+        self.first.get_or_insert_with(|| failure.with("; the run continued without it"));
         false
     }
 
-    /// What the program ends with, if anything went wrong.
+    /// Takes the first error, with which the program ends.
     pub fn first_error(&mut self) -> Option<Failure> {
         self.first.take()
     }

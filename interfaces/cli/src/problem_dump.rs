@@ -11,7 +11,7 @@ use ballast::track::TampingPhase;
 use ballast_hdf5::fclib::{self, Storage};
 use std::path::PathBuf;
 
-/// Which problems are kept, and where.
+/// Selection of the contact problems that are written, and their folder.
 #[derive(Debug, Clone)]
 pub struct ProblemDump {
     folder: PathBuf,

@@ -1,4 +1,4 @@
-//! Where a recording begins: where the case does, or at the checkpoint that it holds.
+//! Initial state of a recording: the start of the case, or the checkpoint that the recording holds.
 
 use crate::case::{Case, CaseOverrides};
 use crate::exit::{Failure, Outcome};
@@ -60,6 +60,6 @@ fn saved(windows: &WindowReader, bytes: &[u8]) -> Outcome<Checkpoint> {
 
 fn other_case(windows: &WindowReader, case: &Case) -> Failure {
     let name = &case.plan.name;
-    let what = format!("it goes on in another case, bed or with another solver than {name}");
+    let what = format!("it continues in another case or bed, or with another solver, than {name}");
     Failure::Mismatch(format!("{}: {what}", windows.path().display()))
 }

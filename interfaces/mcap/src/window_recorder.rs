@@ -90,7 +90,7 @@ pub fn may_become_a_recording(path: &Path) -> Result<()> {
         Ok(what) if what.is_dir() => return refused("a folder"),
         // A pipe would be waited for, and a device cannot be emptied.
         Ok(_) => return refused("a device or a pipe"),
-        // Nothing is there, or what is there is told when it is opened.
+        // There is no file, or opening it reports the error.
         Err(_) => return Ok(()),
     }
     let mut start = vec![];
@@ -99,7 +99,7 @@ pub fn may_become_a_recording(path: &Path) -> Result<()> {
     read.map_err(|e| Error::io(path, "open", e))?;
     match &start[..] {
         [] => Ok(()),
-        // One that cannot be read may be what a kill has left of ours.
+        // An unreadable recording may be one that a killed process has left.
         mcap if mcap == mcap::MAGIC => match recording::is_recording(path) {
             Ok(false) => refused("one of another program"),
             _ => Ok(()),

@@ -134,7 +134,7 @@ fn only_a_file_becomes_a_recording() {
         (&measured, "one of another program"),
     ] {
         let message = may_become_a_recording(at).unwrap_err().to_string();
-        let expected = "expected a new file, or a recording of ours to replace, found ";
+        let expected = "expected a new file, or a Ballast recording to replace, found ";
         assert!(message.ends_with(&format!("{expected}{found}")), "{message}");
     }
     may_become_a_recording(&folder.path().join("new.mcap")).unwrap();

@@ -1,4 +1,4 @@
-//! What is done beside answering: checkpoints, the recording, a word to the person at the terminal.
+//! Side tasks of a served run: checkpoints, the recording and messages on the terminal.
 
 use super::args::ServeArgs;
 use super::served_checkpoint;
@@ -30,7 +30,7 @@ const REST: Duration = Duration::from_secs(1);
 pub struct ServedRun {
     pub console: Console,
     pub case: Case,
-    /// What was chosen where the component was started: what `init` goes out from.
+    /// Overrides from the command line of the server, on which `init` is based.
     choices: CaseOverrides,
     /// Folder of prepared beds.
     pub beds: PathBuf,
@@ -85,14 +85,14 @@ impl ServedRun {
         Ok((case, component))
     }
 
-    /// Whether the last window of the checkpoint is this one, as it was before.
+    /// Returns true if the last window of the checkpoint is the requested one.
     fn holds(&self, request: &AdvanceRequest) -> bool {
         self.durable
             .as_ref()
             .is_some_and(|(run, seq, _)| (run, *seq) == (&request.run_id, request.seq))
     }
 
-    /// The run goes on from elsewhere than where the last checkpoint is.
+    /// Marks the checkpoint as outdated: the run continues from another state.
     fn outdate(&mut self) {
         (self.is_current, self.is_due) = (false, true);
     }

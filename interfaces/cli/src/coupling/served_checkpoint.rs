@@ -28,7 +28,7 @@ pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
     Ok(checkpoint::write(path, &of(path, case, lockstep)?)?)
 }
 
-/// The same as bytes, for the recording at `path`.
+/// Returns the bytes of the checkpoint of a run, for the recording at `path`.
 pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Vec<u8>> {
     Ok(checkpoint::to_bytes(path, &of(path, case, lockstep)?)?)
 }
@@ -53,7 +53,7 @@ fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
     Ok(case.checkpoint(component.model(), component.state(), extra))
 }
 
-/// Which run a checkpoint is of, in words; `None` for one that is of no served run.
+/// Returns a description of the run of a checkpoint; `None` if it is of no served run.
 pub fn name(path: &Path) -> Outcome<Option<String>> {
     let saved = checkpoint::read(path)?;
     let seq = saved.extra.get(SEQ).cloned().unwrap_or_default();
@@ -113,13 +113,16 @@ fn hexadecimal(text: &str) -> Option<Vec<u8>> {
     pairs.map(|pair| (pair.len() == 2).then(|| byte(pair)).flatten()).collect()
 }
 
-/// Whether the folder may be written to: it holds no run that would be lost.
+/// Checks that the folder may be written to: that it holds no run that would be lost.
+///
+/// # Errors
+/// A run or an unreadable checkpoint in the folder, without `force`.
 pub fn check_free(path: &Path, force: bool) -> Outcome {
     if force || !path.exists() {
         return Ok(());
     }
     let (held, ways) = match name(path) {
-        Ok(Some(run)) => (run, "go on with --resume, start over"),
+        Ok(Some(run)) => (run, "continue with --resume, start over"),
         Ok(None) => ("a run of `ballast run`".into(), "start over"),
         Err(e) => (format!("a checkpoint that cannot be read ({e})"), "start over"),
     };

@@ -1,9 +1,9 @@
 //! The recording of a run that others drive.
 //!
 //! Contract: what `ballast verify` computes from the file's beginning on is what is recorded, see [`WindowRecorder`].
-//! Where the run goes elsewhere (restore, reset, init) the file ends, and the next one begins: NAME.2.mcap,
-//! NAME.3.mcap. A file that does not begin where the case does holds the checkpoint from which it goes on.
-//! A process that takes a run up writes beside what the one before it has recorded.
+//! A change of the state (restore, reset, init) ends the file, and the next one begins: NAME.2.mcap, NAME.3.mcap.
+//! A file that does not begin at the start of the case holds the checkpoint from which it continues.
+//! A process that resumes a run keeps the files of the previous process and writes new ones.
 
 use super::served_checkpoint;
 use crate::case::Case;
@@ -51,13 +51,13 @@ impl ServedRecording {
         let (model, state) = (component.shared_model(), component.save());
         windows.window(model, kind, request, reply, state)?;
         if !reply.status.is_kept() {
-            let text = format!("window {} taken back: {}", reply.seq, reply.message);
+            let text = format!("window {} discarded: {}", reply.seq, reply.message);
             windows.log(component.now_ns(), &text)?;
         }
         Ok(())
     }
 
-    /// The run begins, or goes on from another state, or in another bed of the case.
+    /// Starts a file: the run begins, or continues from another state or in another bed of the case.
     pub fn start_new_file(&mut self, case: &Case, lockstep: &Lockstep) -> Outcome {
         if let Some(windows) = &mut self.windows {
             windows.settle()?;
@@ -75,12 +75,12 @@ impl ServedRecording {
     }
 }
 
-/// Where the recording at `path` will begin.
+/// Returns the first file of the recording at `path`.
 pub fn first_part(path: &Path, resumes: bool) -> PathBuf {
     next_part(path, &mut 0, resumes)
 }
 
-/// The file after so many `parts`; of a run that is taken up, the next one that is free.
+/// Returns the file after `parts` files; for a resumed run, the next one that does not exist.
 fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
     // What follows another point is part of the name.
     let is_ending = path.extension().is_some_and(|ending| ending == "mcap");

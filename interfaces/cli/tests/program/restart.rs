@@ -212,7 +212,7 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
 
     // Nor a case, nor results, by a recording.
     for (file, code, says) in [
-        ("tiny.toml", 1, "a recording of ours to replace"),
+        ("tiny.toml", 1, "a Ballast recording to replace"),
         ("here/results.vtkhdf", 2, "none of the run's own"),
     ] {
         let before = std::fs::read(place.path(file)).unwrap();

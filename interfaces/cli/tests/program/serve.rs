@@ -28,7 +28,7 @@ mod controller_loop;
 pub const KEY: &str = "yard/bed";
 const MS: u64 = 1_000_000;
 
-/// How often a fault is repeated: so often as it is normally, or as often as `BALLAST_FAULTS` says.
+/// Returns the number of repetitions of a fault: `BALLAST_FAULTS`, or `normally` without that variable.
 fn times(normally: u64) -> u64 {
     let asked = std::env::var("BALLAST_FAULTS").ok().and_then(|f| f.parse().ok());
     normally.max(asked.unwrap_or(0))
@@ -99,7 +99,7 @@ struct Tine {
 
 static TINE: OnceLock<Tine> = OnceLock::new();
 
-/// How far the tine is from there at a time, m, and how fast, m/s: 1 mm at 20 Hz.
+/// Returns displacement (m) and velocity (m/s) of the tine at a time: 1 mm at 20 Hz.
 fn shaking(time_ns: u64) -> [f64; 2] {
     let (t, w) = (time_ns as f64 * 1e-9, TAU * 20.0);
     [1e-3 * (1.0 - (w * t).cos()), 1e-3 * w * (w * t).sin()]
@@ -135,7 +135,7 @@ fn step(client: &mut Client) -> Result<(), Error> {
     client.advance_to(t1, motion(client, t1), vec![]).map(drop)
 }
 
-/// The state after so many windows, undisturbed.
+/// Returns the state hash after a number of undisturbed windows.
 fn undisturbed(windows: u64) -> String {
     let place = Place::new();
     let endpoint = endpoint();
@@ -263,7 +263,7 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
     client.shut_down().unwrap();
     serving.end().with_code(0);
     assert_ne!(kept, last.hash);
-    // What was killed stays; one that goes on elsewhere holds its start.
+    // The file of the killed process stays; one that continues from another state holds its start.
     // The second window was lost with the process, and computed again.
     assert!(place.path("s.mcap").exists());
     for (file, windows) in [("s.2.mcap", 3), ("s.3.mcap", 2)] {
@@ -300,7 +300,7 @@ fn a_run_with_parameters_and_restores_is_recorded_resumed_and_verified() {
         let message = place.with_beds(call).with_code(1).stderr();
         assert!(message.contains("it is damaged before its first window"), "{call}: {message}");
     }
-    // In another case it cannot go on.
+    // It cannot continue in another case.
     std::fs::write(place.path("other.toml"), CASE.replace("seed = 7", "seed = 8")).unwrap();
     let refused = place.with_beds("verify s.3.mcap --case other.toml").with_code(5);
     assert!(refused.stderr().contains("s.3.mcap"), "{}", refused.stderr());
@@ -418,14 +418,14 @@ fn a_run_that_rests_is_kept_when_the_time_has_come() {
     let mut client = attach(&endpoint, None).unwrap();
     (0..3).for_each(|_| step(&mut client).unwrap());
     let begin = Instant::now();
-    // Nobody asks for another window.
+    // No client requests another window.
     while client.connection().status().unwrap().durable_seq < 3 {
         assert!(begin.elapsed() < Duration::from_secs(20), "no checkpoint");
         std::thread::sleep(Duration::from_millis(50));
     }
 }
 
-/// Not a check of its own: the driver that the next test kills.
+/// Runs the driver that the next test kills; this is no check.
 #[test]
 #[ignore = "the process that another test kills"]
 fn drives_until_it_is_killed() {
@@ -461,7 +461,7 @@ fn when_a_client_is_killed_the_run_holds_and_the_next_one_goes_on() {
             .unwrap();
         let begin = Instant::now();
         while line.status().unwrap().position.seq <= before + 1 {
-            assert!(begin.elapsed() < Duration::from_secs(20), "nobody drives");
+            assert!(begin.elapsed() < Duration::from_secs(20), "no client drives");
             std::thread::sleep(Duration::from_millis(5));
         }
         std::thread::sleep(Duration::from_millis(13 * k % 50));
@@ -490,10 +490,10 @@ fn a_served_component_is_described_watched_and_examined() {
     let place = Place::new();
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out s");
-    let told = place.call(&format!("describe {KEY} --connect {endpoint}")).with_code(0).stdout();
+    let output = place.call(&format!("describe {KEY} --connect {endpoint}")).with_code(0).stdout();
     assert!(
-        told.contains("1 ms") && told.contains("tine") && told.contains("synchronous"),
-        "{told}"
+        output.contains("1 ms") && output.contains("tine") && output.contains("synchronous"),
+        "{output}"
     );
     let mut client = attach(&endpoint, None).unwrap();
     step(&mut client).unwrap();
@@ -529,17 +529,17 @@ fn a_controller_squeezes_until_its_force_in_rust_and_in_python_alike() {
     let force = 2500.0;
     let done = controller_loop::squeeze(&mut client, force, 0.01).unwrap();
     assert!(done.force >= force && done.closing > 0.0 && done.closing < 0.04, "{done:?}");
-    // Nobody has message when the squeeze began; it was seen.
-    let told = client.connection().last_messages().unwrap();
+    // No message announced the squeeze; the component detected it.
+    let messages = client.connection().last_messages().unwrap();
     let key = client.connection().keys().out_squeeze("pair_0");
-    let squeeze = told.into_iter().find(|(told, ..)| *told == key).expect("a squeeze").2;
+    let squeeze = messages.into_iter().find(|(name, ..)| *name == key).expect("a squeeze").2;
     let squeeze: SqueezeReport = from_cdr(&squeeze).unwrap();
     assert!((squeeze.pair.as_str(), squeeze.number) == ("pair_0", 1), "{squeeze:?}");
     assert!(squeeze.peak_force > 0.0 && squeeze.closing > 2e-3, "{squeeze:?}");
     client.reset().unwrap();
     client.detach().unwrap();
-    if let Some(told) = partner("controller_zenoh.py", [&force.to_string(), "0.01", &endpoint]) {
-        assert!(told.contains(&done.hash), "{done:?}: {told}");
+    if let Some(output) = partner("controller_zenoh.py", [&force.to_string(), "0.01", &endpoint]) {
+        assert!(output.contains(&done.hash), "{done:?}: {output}");
     }
     let client = attach(&endpoint, None).unwrap();
     client.shut_down().unwrap();
@@ -551,17 +551,17 @@ fn tines_follow_a_stick_in_python_while_time_runs_by_itself() {
     let place = Place::new();
     let endpoint = endpoint();
     let serving = Serving::start(&place, &endpoint, "--out s");
-    if let Some(told) = partner("operator_freely.py", ["0.2", "0.01", &endpoint]) {
+    if let Some(output) = partner("operator_freely.py", ["0.2", "0.01", &endpoint]) {
         // On a slow machine not as far as the stick.
-        let deep = told.lines().last().and_then(|l| l.split(' ').next()?.parse::<f64>().ok());
-        assert!(deep.is_some_and(|deep| 0.0 < deep && deep <= 0.0101), "{told}");
+        let deep = output.lines().last().and_then(|l| l.split(' ').next()?.parse::<f64>().ok());
+        assert!(deep.is_some_and(|deep| 0.0 < deep && deep <= 0.0101), "{output}");
     }
     let client = attach(&endpoint, None).unwrap();
     client.shut_down().unwrap();
     serving.end().with_code(0);
 }
 
-/// What a partner of the examples in Python says at its end; `None` where Python has no Zenoh.
+/// Returns the output of a Python example that acts as the client; `None` if Python has no Zenoh.
 fn partner(script: &str, [first, second, endpoint]: [&str; 3]) -> Option<String> {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let python =
@@ -579,7 +579,7 @@ fn partner(script: &str, [first, second, endpoint]: [&str; 3]) -> Option<String>
 }
 
 #[test]
-fn a_recording_that_cannot_go_on_is_told_at_the_end_of_a_run_that_did() {
+fn a_failed_recording_is_reported_at_the_end_of_the_run() {
     let place = Place::new();
     let endpoint = endpoint();
     // Where the second part of the recording would be.
@@ -600,7 +600,7 @@ fn a_recording_that_cannot_go_on_is_told_at_the_end_of_a_run_that_did() {
     let message = ended.stderr();
     assert_eq!(message.matches("warning: recording: s.2.mcap").count(), 1, "{message}");
     assert!(
-        message.contains("failed: s.2.mcap") && message.contains("went on without it"),
+        message.contains("failed: s.2.mcap") && message.contains("continued without it"),
         "{message}"
     );
     place.with_beds("verify s.mcap").with_code(0);
