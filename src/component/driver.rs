@@ -1,11 +1,16 @@
 //! Drivers: what moves the driven bodies of a component.
 
-use super::{Component, Parameters, Refusal, WindowInputs, WindowResult};
+use super::parameters::Parameters;
+use super::refusal::Refusal;
+use super::result::{WindowResult, WindowStatus};
+use super::stepper::Component;
+use super::window::WindowInputs;
 use crate::cancel::StopReason;
 use crate::model::Model;
 use crate::state::{DriverState, State};
 use crate::step::{Phase, StepObserver, StepReport};
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 /// Source of the motions and loads of the driven bodies, window by window.
 ///
@@ -75,10 +80,10 @@ where
 }
 
 /// Observer that passes the steps on to a driver and to another observer.
-pub(super) struct DrivenObserver<'a, D, O> {
-    pub model: &'a Model,
-    pub driver: &'a mut D,
-    pub observer: &'a mut O,
+struct DrivenObserver<'a, D, O> {
+    model: &'a Model,
+    driver: &'a mut D,
+    observer: &'a mut O,
 }
 
 impl<D: Driver, O: StepObserver> StepObserver for DrivenObserver<'_, D, O> {
@@ -93,5 +98,33 @@ impl<D: Driver, O: StepObserver> StepObserver for DrivenObserver<'_, D, O> {
 
     fn cancelled(&mut self) -> Option<StopReason> {
         self.observer.cancelled()
+    }
+}
+
+impl Component {
+    /// Advances to `t1_ns` with the inputs of `driver`, whose state becomes part of the component's state.
+    ///
+    /// Returns `None`, without a change, where the driver has no inputs for the window.
+    ///
+    /// # Errors
+    /// Errors of the driver, and those of [`Component::advance_observed`].
+    pub fn advance_driven<D: Driver>(
+        &mut self,
+        t1_ns: u64,
+        driver: &mut D,
+        observer: &mut impl StepObserver,
+    ) -> Result<Option<DrivenWindow>, D::Error> {
+        driver.restore(&self.state.driver)?;
+        let Some(inputs) = driver.inputs(self, t1_ns)? else { return Ok(None) };
+        if let Some(parameters) = driver.parameters() {
+            self.set_parameters(&parameters)?;
+        }
+        let model = Arc::clone(&self.model);
+        let mut driven = DrivenObserver { model: &model, driver: &mut *driver, observer };
+        let result = self.advance_observed(t1_ns, &inputs, &mut driven)?;
+        if result.status != WindowStatus::Discard {
+            Arc::make_mut(&mut self.state).driver = Arc::new(driver.save());
+        }
+        Ok(Some(DrivenWindow { inputs, result }))
     }
 }

@@ -1,6 +1,7 @@
 //! Parameters that may change between windows: effort of the solver and limit of the penetration.
 
-use super::{Component, Refusal};
+use super::refusal::Refusal;
+use super::stepper::Component;
 use crate::error::Error;
 use crate::model::Model;
 use std::sync::Arc;

@@ -1,6 +1,6 @@
 //! Inputs of a window: motions and loads of bodies, checked, and evaluated for each step.
 
-use super::Limits;
+use super::limits::Limits;
 use super::load::LoadWaveform;
 use super::refusal::Refusal;
 use super::waveform::{Twist, Waveform, around};
