@@ -226,6 +226,7 @@ impl Decomposition {
         let Self { subdomains, partition, line_of, velocities, .. } = self;
         // Moved out of their locks, so that all threads can read them.
         let lines = subdomains.iter_mut().map(|set| &mut get_mut(set).contacts.lines);
+        velocities.clear();
         velocities.extend(lines.map(std::mem::take));
         (&partition.owner, &*line_of)
             .into_par_iter()
