@@ -167,7 +167,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
     """Returns the messages of a window without visualisation by topic."""
     out, state = run.windows[i]
     bodies, head = out.bodies, header(out.t1_ns)
-    places = {n: (b.position, b.orientation, b.velocity, b.spin) for n, b in bodies.items()}
+    places = {n: (b.position, b.orientation, b.velocity, b.angular_velocity) for n, b in bodies.items()}
     reported = configuration(out.t1_ns, {name: places[name] for name in tools(run)})
     for name, body in bodies.items():
         pose, twist = pose_and_twist(places[name])
@@ -301,7 +301,7 @@ def test_polyhedra_and_arrows_have_the_poses_of_bodies(run: Run, seen: list[Seen
     for time_ns, state in (0, run.start), (last.t1_ns, end):
         assert not scenes[time_ns].deletions
         entities = {e.id: e for e in scenes[time_ns].entities}
-        assert list(entities) == ["stones", *tools(run)]
+        assert list(entities) == ["grains", *tools(run)]
         for entity in entities.values():
             assert entity.frame_id == "world"
             assert dict(leaves(entity.timestamp)) == dict(leaves(stamp(time_ns)))
@@ -311,7 +311,7 @@ def test_polyhedra_and_arrows_have_the_poses_of_bodies(run: Run, seen: list[Seen
             assert len(mesh.points) > 3 and len(mesh.indices) > 3 and len(mesh.indices) % 3 == 0
             assert 0 <= min(mesh.indices) and max(mesh.indices) < len(mesh.points)
         # The mesh of the grains is in world axes: its own pose does nothing.
-        [mesh] = entities["stones"].triangles
+        [mesh] = entities["grains"].triangles
         assert array([mesh.pose.position]).tolist() == [[0.0, 0.0, 0.0]]
         assert array([mesh.pose.orientation]).tolist() == [[0.0, 0.0, 0.0, 1.0]]
         grains = zip(run.corners, state.positions, state.orientations, strict=True)

@@ -664,10 +664,10 @@ def test_changed_measures_run_again(
     assert [reported(a), reported(b), reported(c), reported(a)] == [1, 2, 3, 1]
     with pytest.raises(TypeError, match="closes over, identify its results, and one cannot .*object"):
         reported(taking(object()))
-    with pytest.raises(TypeError, match="measure: expected a function .* found <bound method"):
+    with pytest.raises(TypeError, match="measure: expected a Python function, .* found <bound method"):
         reported(Measures().figure)
     assert _identity.code_digest(module.seed_times) == _identity.code_digest(pickle.loads(pickle.dumps(module.seed_times)))
-    with pytest.raises(TypeError, match="measure: expected a function .* found <built-in"):
+    with pytest.raises(TypeError, match="measure: expected a Python function, .* found <built-in"):
         study.run(case, [{}], tmp_path, measure=len, progress=False)  # type: ignore[arg-type]
 
 
@@ -867,13 +867,15 @@ def test_missing_packages_are_reported_before_any_work(
     assert not list(tmp_path.iterdir())
 
 
-def test_a_closed_stderr_ends_no_study(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_an_unwritable_stderr_ends_no_study(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     case.write(tmp_path / "tiny.toml")
     code = (
         "import os, sys, ballast\n"
         "from ballast import study\n"
-        "os.close(2)\n"
+        "read, write = os.pipe()\n"
+        "os.close(read)\n"
+        "os.dup2(write, 2)\n"
         "ballast.prepare('tiny.toml', bed_cache='beds')\n"
         "table = study.run('tiny.toml', [{}], 'study', measure=lambda case, beds: {'figure': 1.0}, jobs=1, bed_cache='beds')\n"
         "sys.stderr.close()\n"

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import pickle
 import signal
+import sys
 import threading
 import time
 import traceback
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, as_completed, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import ExitStack, redirect_stderr, suppress
 from typing import Any
 
 #: A function and its arguments.
@@ -50,10 +51,14 @@ def run_in_processes(calls: Mapping[int, Call], jobs: int | None, on_result: OnR
 
     pickled = {i: cloudpickle.dumps(call) for i, call in calls.items()}
     waiting = dict(pickled)
-    while waiting:
-        for i in _run_pool(waiting, jobs or os.cpu_count() or 1, on_result, on_error):
-            if _run_pool({i: pickled[i]}, 1, on_result, on_error):
-                on_error(i, "BrokenProcessPool: its process was killed, for example out of memory, or crashed")
+    with ExitStack() as stack:
+        if sys.stderr is None or sys.stderr.closed:
+            # loky flushes stderr before it starts a process.
+            stack.enter_context(redirect_stderr(stack.enter_context(open(os.devnull, "w"))))
+        while waiting:
+            for i in _run_pool(waiting, jobs or os.cpu_count() or 1, on_result, on_error):
+                if _run_pool({i: pickled[i]}, 1, on_result, on_error):
+                    on_error(i, "BrokenProcessPool: its process was killed, for example out of memory, or crashed")
 
 
 def _run_pool(waiting: dict[int, bytes], jobs: int, on_result: OnResult, on_error: OnError) -> list[int]:
