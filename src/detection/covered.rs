@@ -239,17 +239,20 @@ fn is_covered(point: &TouchPoint, touched: ConvexBody, cover: ConvexBody) -> boo
         return false;
     }
     let corners = || feature_corners(touched, point.foot, point.normal, tolerance);
+    let mut is_on_surface = false;
     for (n, offset) in faces() {
         if n.dot(&foot) - offset < -tolerance {
             continue;
         }
+        is_on_surface = true;
         let outward = cover.pose.orientation * n;
         if corners().any(|corner| outward.dot(&corner) > tolerance) {
             return false;
         }
     }
+    // Bodies that overlap do not cover each other: what lies deep inside is penetration.
     let normal = cover.pose.orientation.inverse() * point.normal;
-    cover.shape.vertices.iter().any(|v| normal.dot(&(v - foot)) > tolerance)
+    is_on_surface && cover.shape.vertices.iter().any(|v| normal.dot(&(v - foot)) > tolerance)
 }
 
 /// Returns true if a half-space hides the feature of `touched` at the point.
@@ -259,10 +262,9 @@ fn is_covered_by_half_space(point: &TouchPoint, touched: ConvexBody, cover: Half
     // A half-space extends beyond every plane but its own.
     let is_parallel =
         cover.normal.cross(&point.normal).norm() < 1e-9 && cover.normal.dot(&point.normal) > 0.0;
-    if height > tolerance || is_parallel {
+    if height.abs() > tolerance || is_parallel {
         return false;
     }
-    height < -tolerance
-        || !feature_corners(touched, point.foot, point.normal, tolerance)
-            .any(|corner| cover.normal.dot(&corner) > tolerance)
+    !feature_corners(touched, point.foot, point.normal, tolerance)
+        .any(|corner| cover.normal.dot(&corner) > tolerance)
 }

@@ -89,7 +89,7 @@ fn a_body_in_motion_does_not_stop_or_jerk_unasked() {
     );
     assert_eq!(component.twist(d), component.save().end_twist(d));
     let stopped = component.advance_to(40 * MS, &[]).expect_err("it moves");
-    check(&stopped, "input_jump", &[FLOOR, "moving"]);
+    check(&stopped, "input_jump", &[FLOOR, "moved"]);
     let mut jerked = shaken(rest, 30 * MS, 40 * MS);
     jerked.waveform.knots[0].velocity.x += 0.01;
     check(&component.advance_to(40 * MS, &[jerked]).expect_err("a jerk"), "input_jump", &["m/s"]);
@@ -141,7 +141,7 @@ fn nor_between_its_knots() {
             .advance_to(end, &[MotionInput { allow_jump: true, ..input.clone() }])
             .expect("a window");
         let stopped = component.advance_to(40 * MS, &[]).expect_err("it moves");
-        check(&stopped, "input_jump", &[FLOOR, "moving"]);
+        check(&stopped, "input_jump", &[FLOOR, "moved"]);
 
         // As fast as it is, by a look at where it is just before and after.
         let [before, after] = [end - 500, end + 500].map(|t| input.waveform.pose(t));

@@ -246,7 +246,7 @@ fn held_rotations_follow_the_machine_beside_springs() {
     let mut scene = alone(mount(held_but(&[(2, DofMode::Free)])));
     scene.targets[0].orientation = Quat::from_scaled_axis(Vec3::y() * 0.01);
     let message = scene.try_step().expect_err("held").to_string();
-    assert!(message.contains("block") && message.contains("held rotation"), "{message}");
+    assert!(message.contains("block") && message.contains("prescribed axis"), "{message}");
 }
 
 #[test]
@@ -255,7 +255,7 @@ fn mounts_and_loads_that_cannot_be_are_refused() {
     let soft = DofMode::Spring { stiffness: 1.0, damping: 0.0 };
     let four = held_but(&[(0, soft), (1, loaded), (2, loaded), (3, loaded)]);
     for (bad, words) in [
-        (mount([DofMode::Prescribed; 6]), "not held"),
+        (mount([DofMode::Prescribed; 6]), "not prescribed"),
         (mount(four), "at most three"),
         (Mount { inertia: Vec3::zeros(), ..mount(LOADED) }, "moments of inertia"),
         (Mount { centre: Vec3::repeat(f64::NAN), ..mount(LOADED) }, "centre of mass"),
