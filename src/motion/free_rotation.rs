@@ -91,11 +91,11 @@ impl FreeRotation<'_, Vec3> {
 /// Returns true if a body with these principal moments turns so far in `h` seconds that its angular velocity, constant
 /// along a sphere's free rotation, changes much along its own.
 ///
-/// False for what is no number.
+/// False for what is not finite, which the plain prediction refuses by name.
 pub fn turns_far(inertia: &Vec3, angular_velocity: &Vec3, h: f64) -> bool {
     let slenderness_squared = inertia.max() / inertia.min();
-    let turn_squared = angular_velocity.norm_squared() * h * h;
-    turn_squared * slenderness_squared > MAX_UNIFORM_TURN * MAX_UNIFORM_TURN
+    let turn_squared = angular_velocity.norm_squared() * h * h * slenderness_squared;
+    turn_squared.is_finite() && turn_squared > MAX_UNIFORM_TURN * MAX_UNIFORM_TURN
 }
 
 /// Returns the mean angular velocity, rad/s, of a body without moments over `duration` seconds, in its axes at the start.
