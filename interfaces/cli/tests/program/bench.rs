@@ -27,7 +27,19 @@ fn csv(place: &Place, name: &str) -> (Vec<String>, Vec<Vec<String>>) {
     for word in ["processor", "caches", "cores", "instructions", "threads", "compiler profile"] {
         assert!(comments.iter().any(|line| line.contains(word)), "{word} in {comments:?}");
     }
-    let split = |line: &str| line.split(',').map(str::to_string).collect::<Vec<_>>();
+    // Commas between quotation marks are part of a field.
+    let split = |line: &str| {
+        let mut fields = vec![String::new()];
+        let mut is_quoted = false;
+        for c in line.chars() {
+            match c {
+                '"' => is_quoted = !is_quoted,
+                ',' if !is_quoted => fields.push(String::new()),
+                _ => fields.last_mut().expect("a field").push(c),
+            }
+        }
+        fields
+    };
     let mut lines = text.lines().filter(|line| !line.starts_with('#')).map(split);
     let header = lines.next().expect("a header");
     let rows: Vec<Vec<String>> = lines.collect();

@@ -42,10 +42,10 @@ fn what_cannot_be_begun_costs_nothing() {
         ("--record nowhere/x.mcap", "nowhere"),
         ("--record pipe", "a device or a pipe"),
         ("--record /dev/null", "a device or a pipe"),
-        ("--record run/summary.json", "none of the run's own"),
-        ("--record run/checkpoint.h5", "none of the run's own"),
-        ("--record run/results.vtkhdf.index-backup", "none of the run's own"),
-        ("--record run/report.html", "none of the run's own"),
+        ("--record run/summary.json", "does not belong to the run"),
+        ("--record run/checkpoint.h5", "does not belong to the run"),
+        ("--record run/results.vtkhdf.index-backup", "does not belong to the run"),
+        ("--record run/report.html", "does not belong to the run"),
         ("--dump-problems tiny.toml", "tiny.toml"),
     ] {
         let ended = place.run(&format!("--out run {more}"));

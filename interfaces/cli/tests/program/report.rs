@@ -85,7 +85,7 @@ fn times_of_another_state_are_not_told() {
     let earlier = place.text("run/summary.json");
     let tells_time = || {
         place.call("report run").with_code(0);
-        place.text("run/report.html").contains("Wall time")
+        place.text("run/report.html").contains("Wall time, ")
     };
     assert!(tells_time());
     place.call("resume run --steps 90").with_code(0);
@@ -106,7 +106,7 @@ fn a_served_run_has_no_results_to_make_a_page_of() {
     kept.extra.insert("run_id".into(), "1".into());
     checkpoint::write(&path, &kept).unwrap();
     let said = place.call("report run").with_code(1).stderr();
-    for word in ["results.vtkhdf", "a served run leaves none", "--record", "ballast replay"] {
+    for word in ["results.vtkhdf", "a served run writes no results", "--record", "ballast replay"] {
         assert!(said.contains(word), "{word}: {said}");
     }
 }

@@ -213,7 +213,7 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     // Nor a case, nor results, by a recording.
     for (file, code, says) in [
         ("tiny.toml", 1, "a Ballast recording to replace"),
-        ("here/results.vtkhdf", 2, "none of the run's own"),
+        ("here/results.vtkhdf", 2, "does not belong to the run"),
     ] {
         let before = std::fs::read(place.path(file)).unwrap();
         let refused = place.run(&format!("--out here --steps 10 --force --record {file}"));
