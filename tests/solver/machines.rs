@@ -11,18 +11,18 @@ const SUMS: [[u64; 6]; 2] = [
     [
         0xa562_a1f2_a3c7_9c88,
         0x235d_babe_2c6b_f585,
-        0x7142_cddf_0755_a450,
-        0xa016_2c1e_2e23_c7fa,
-        0xb4bb_ba00_12b2_b390,
-        0x154c_cc4a_4ba2_23b6,
+        0x1285_ae59_c808_0021,
+        0x60d8_ac7f_2664_a534,
+        0xe91b_3054_41c6_361b,
+        0x59d3_3a0b_c781_1021,
     ],
     [
         0x4f07_fcd9_e9fd_cfbf,
         0xfdab_5056_f2f8_3d35,
-        0xccdf_fb0b_72f7_cd08,
-        0x82c8_a1da_6874_c21c,
-        0x78ed_6197_9cfc_88fd,
-        0xbfa5_9bdc_5d7a_87ee,
+        0x6820_06d3_da0e_ff70,
+        0xd19f_44cb_6a72_1633,
+        0x2403_4d77_f2d8_d7a5,
+        0xa618_014b_df1e_d874,
     ],
 ];
 
