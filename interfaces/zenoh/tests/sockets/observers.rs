@@ -200,7 +200,7 @@ fn a_viewer_sees_stones_and_scene() {
         windows += 1;
         std::thread::sleep(Duration::from_millis(10));
         while let Ok((key, bytes)) = told.try_recv() {
-            if key.ends_with("stones") {
+            if key.ends_with("grains") {
                 cloud = Some(from_cdr::<PointCloud2>(&bytes).unwrap());
             } else {
                 scene = Some(from_cdr::<SceneUpdate>(&bytes).unwrap());
@@ -209,7 +209,7 @@ fn a_viewer_sees_stones_and_scene() {
         assert!(begin.elapsed() < Duration::from_secs(20), "no pictures");
     }
     assert_eq!(cloud.unwrap().width, 18);
-    assert_eq!(scene.unwrap().entities[0].id, "stones");
+    assert_eq!(scene.unwrap().entities[0].id, "grains");
     assert_eq!(client.position().hash, undisturbed(windows)[windows as usize - 1]);
 }
 

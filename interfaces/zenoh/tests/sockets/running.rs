@@ -183,7 +183,7 @@ fn samples_that_cannot_be_read_are_counted() {
     loop {
         let status = stranger.ask("status", b"", None).unwrap();
         let status: serde_json::Value = serde_json::from_slice(&status).unwrap();
-        if status["real_time"]["dropped"] == 3 {
+        if status["real_time"]["dropped_samples"] == 3 {
             break;
         }
         assert!(begin.elapsed() < Duration::from_secs(10), "{status:#}");
