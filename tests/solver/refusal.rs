@@ -94,7 +94,10 @@ fn nan_is_reported_with_its_grain() {
             inject(&mut scene, grain);
             let message = scene.try_step().expect_err(what).to_string();
             // Not a neighbour that the solver would have spoilt next.
-            assert!(message.contains(&format!("grain {grain}:")), "{what} of grain {grain}: {message}");
+            assert!(
+                message.contains(&format!("grain {grain}:")),
+                "{what} of grain {grain}: {message}"
+            );
         }
     }
 }

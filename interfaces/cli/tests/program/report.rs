@@ -67,7 +67,8 @@ fn a_zone_that_a_blade_fills_has_no_compactness_for_that_long() {
         text.replace(from, to)
     }));
     place.run("--out run").with_code(0);
-    let zones = ResultsReader::open(place.path("run/results.vtkhdf")).unwrap().table("zones").unwrap();
+    let zones =
+        ResultsReader::open(place.path("run/results.vtkhdf")).unwrap().table("zones").unwrap();
     assert!(zones.rows.iter().any(|value| value.is_nan()));
     let said = place.run("--out part --steps 70").with_code(0).stdout();
     assert!(said.contains("insertion/tine_1_plus") && !said.contains("NaN"), "{said}");
