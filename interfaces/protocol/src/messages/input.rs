@@ -88,7 +88,7 @@ pub struct AdvanceRequest {
     /// Action when the deadline has passed.
     #[serde(default)]
     pub deadline_policy: DeadlinePolicy,
-    /// True to return the values of each step in [`AdvanceReply::series`](super::AdvanceReply::series).
+    /// True to return the values of each step in [`AdvanceReply::step_series`](super::AdvanceReply::step_series).
     #[serde(default)]
     pub record_steps: bool,
 }
