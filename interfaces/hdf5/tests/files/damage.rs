@@ -56,7 +56,8 @@ fn other_files_are_told_apart() {
         (b"\x89HDF\r\n\x1a\n and more", "HDF5 file without"),
         (b"ballast-checkpoint 1\nbytes 0\n", "ballast-checkpoint 1"),
         (b"ballast-checkpointer 1\n", "ballast-checkpointer"),
-        (b"ballast-checkpoint 3\n", "21 bytes"),
+        (b"ballast-checkpoint 3\n", "expected ballast-checkpoint 4"),
+        (b"ballast-checkpoint 4\n", "21 bytes"),
     ] {
         std::fs::write(&path, content).unwrap();
         let message = read(&path).unwrap_err().to_string();
