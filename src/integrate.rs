@@ -95,10 +95,7 @@ pub fn limit_rotation(step: &StepMotion, next: &mut State) -> RotationLimit {
         if !is_fast || (solved - free).norm() <= 1e-9 * free.norm() {
             continue;
         }
-        let rotational = |q: &Quat, w: &Vec3| {
-            let w = q.inverse() * w;
-            0.5 * model.grains.inertia[i].component_mul(&w).dot(&w)
-        };
+        let rotational = |q: &Quat, w: &Vec3| rotational_energy(model, i, q, w);
         let start = rotational(&state.orientation[i], &state.angular_velocity[i]);
         let middle = &motion.orientation[i];
         let left = start + rotational(middle, solved) - rotational(middle, free);
@@ -120,6 +117,12 @@ pub fn limit_rotation(step: &StepMotion, next: &mut State) -> RotationLimit {
         limit.energy += found - rotational_left + translational - translational_left;
     }
     limit
+}
+
+/// Returns the kinetic energy of rotation, J, of grain `i` at orientation `q` with angular velocity `w` (world axes, rad/s).
+fn rotational_energy(model: &Model, i: usize, q: &Quat, w: &Vec3) -> f64 {
+    let w = q.inverse() * w;
+    0.5 * model.grains.inertia[i].component_mul(&w).dot(&w)
 }
 
 /// Moves the grains of `next` by velocities that last for `h` seconds, without changing their velocities (T-34).
@@ -259,10 +262,9 @@ pub fn mechanical_energy(model: &Model, state: &State) -> (f64, f64) {
         .map(|(k, chunk)| {
             let mut sums = (0.0, 0.0);
             for (i, &mass) in (k * CHUNK..).zip(chunk) {
-                let angular_velocity = state.orientation[i].inverse() * state.angular_velocity[i];
                 let turning =
-                    model.grains.inertia[i].component_mul(&angular_velocity).dot(&angular_velocity);
-                sums.0 += 0.5 * (mass * state.velocity[i].norm_squared() + turning);
+                    rotational_energy(model, i, &state.orientation[i], &state.angular_velocity[i]);
+                sums.0 += 0.5 * mass * state.velocity[i].norm_squared() + turning;
                 sums.1 -= mass * model.gravity.dot(&state.position[i]);
             }
             sums

@@ -154,17 +154,17 @@ impl CoveredContacts {
         }
     }
 
-    /// Sorts contacts by candidate, as they are, and by antagonist grain.
+    /// Indexes contacts by candidate, in whose order they are, and by antagonist grain.
     fn index(&mut self, grains: usize, contacts: &Contacts) {
         let Self { starts, antagonist_starts, by_antagonist, .. } = self;
         for counts in [&mut *starts, &mut *antagonist_starts] {
             counts.clear();
             counts.resize(grains + 1, 0);
         }
-        for [candidate, antagonist] in &contacts.bodies {
-            starts[*candidate as usize + 1] += 1;
-            if let Some(count) = antagonist_starts.get_mut(*antagonist as usize + 1) {
-                *count += 1;
+        for [candidate, antagonist] in contacts.bodies.iter().map(|pair| pair.map(|b| b as usize)) {
+            starts[candidate + 1] += 1;
+            if antagonist < grains {
+                antagonist_starts[antagonist] += 1;
             }
         }
         for i in 0..grains {
@@ -173,16 +173,14 @@ impl CoveredContacts {
         }
         by_antagonist.clear();
         by_antagonist.resize(antagonist_starts[grains] as usize, 0);
+        // Backwards, so that each end becomes the start and equal antagonists keep their order.
         for (i, [_, antagonist]) in contacts.bodies.iter().enumerate().rev() {
             if (*antagonist as usize) < grains {
-                let end = &mut antagonist_starts[*antagonist as usize + 1];
-                *end -= 1;
-                by_antagonist[*end as usize] = i as u32;
+                let place = &mut antagonist_starts[*antagonist as usize];
+                *place -= 1;
+                by_antagonist[*place as usize] = i as u32;
             }
         }
-        // Ends have become starts, one place further.
-        antagonist_starts.remove(0);
-        antagonist_starts.push(by_antagonist.len() as u32);
     }
 }
 

@@ -14,15 +14,12 @@ use parry3d_f64::math::Vector;
 use parry3d_f64::query::gjk::{self, CsoPoint, GJKResult, VoronoiSimplex};
 use parry3d_f64::shape::SupportMap;
 
-/// Poses of A and B at the end of the step.
-pub type EndPoses = [Pose; 2];
-
 /// Replaces the contact points from `start` on by those along a normal that separates A and B in the whole step, if there
-/// is one; `end` are the poses to which the free velocities lead.
+/// is one; `end` are the poses of A and B to which the free velocities lead.
 pub fn replace_passing_contact(
     a: ConvexBody,
     b: ConvexBody,
-    end: EndPoses,
+    end: [Pose; 2],
     detection_distance: f64,
     start: usize,
     scratch: &mut Scratch,
