@@ -11,7 +11,7 @@ fn key(text: &str) -> String {
 #[test]
 fn the_key_is_the_same_on_every_machine() {
     // Obtained from the thirteenth version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "2423b5898ae291d2b460592ede8af399");
+    assert_eq!(key(BASE), "6882d5aa0bc7ab1734e987c129601f2c");
 }
 
 #[test]
