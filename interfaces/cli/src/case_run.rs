@@ -8,12 +8,11 @@
 use crate::case::{self, Case, CaseOverrides};
 use crate::checkpoint_timer::CheckpointTimer;
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
 use crate::files::{replace_text, shell_word};
 use crate::interrupt;
 use crate::nonfatal_errors::NonFatalErrors;
 use crate::problem_dump::ProblemDump;
-use crate::progress::{Mark, Progress};
+use crate::progress::ConsoleProgress;
 use crate::recorder::Recorder;
 use crate::run_session::RunSession;
 use crate::summary_text;
@@ -29,6 +28,7 @@ use ballast_protocol::lockstep::WindowKind;
 use ballast_session::driver::{RunDriver, RunObserver, tamping_driver};
 use ballast_session::run_files::RunFiles;
 use ballast_session::run_recorder::RunRecorder;
+use ballast_session::{Failure, ProgressLabel, ProgressMeter, Reporter, Result};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -67,7 +67,7 @@ impl CaseRun {
         files: RunFiles,
         record: Option<&Path>,
         console: Console,
-    ) -> Outcome<Self> {
+    ) -> Result<Self> {
         let recording = record.map(|path| begin_recording(path, &case, &run)).transpose()?;
         if recording.is_some() {
             warn_unless_repeatable(&case, console);
@@ -79,7 +79,7 @@ impl CaseRun {
     }
 
     /// Resumes a run from its checkpoint, up to step `last` if one is given.
-    pub fn resume(path: &Path, last: Option<u64>, console: Console) -> Outcome<Self> {
+    pub fn resume(path: &Path, last: Option<u64>, console: Console) -> Result<Self> {
         // What is no checkpoint of a run leaves nothing in its folder.
         resumable(path)?;
         let files = RunFiles::beside(path).locked("wait for it")?;
@@ -134,12 +134,12 @@ impl CaseRun {
     }
 
     /// Runs up to step `last` of the run, or the end of case or recording, and sums up.
-    pub fn run(mut self, last: Option<u64>, expected: Option<u128>) -> Outcome {
+    pub fn run(mut self, last: Option<u64>, expected: Option<u128>) -> Result {
         let last = last.unwrap_or(u64::MAX).min(self.end().unwrap_or(u64::MAX));
         let goal = last.min(self.whole());
         self.announce(goal);
         let steps = goal.saturating_sub(self.first).max(1) as f64;
-        let mut progress = Progress::start(self.console, &self.case.plan.name);
+        let mut progress = ConsoleProgress::start(self.console, &self.case.plan.name);
         while self.run.state().step < last {
             self.observer.profile.output();
             let report = match self.step() {
@@ -197,7 +197,7 @@ impl CaseRun {
     }
 
     /// Takes a step and records it; `None` where the recording that is replayed ends.
-    fn step(&mut self) -> Outcome<Option<StepReport>> {
+    fn step(&mut self) -> Result<Option<StepReport>> {
         let stepped = self.run.step(&mut self.observer).map_err(|e| {
             let (step, folder) = (self.run.state().step, self.files.folder.display());
             e.with(&format!("; the records up to step {step} are kept in {folder}"))
@@ -246,7 +246,7 @@ impl CaseRun {
         ended || (interval > 0 && state.time_ns.is_multiple_of(interval))
     }
 
-    fn mark(&self, report: &StepReport, progress: &Progress) -> RunMark {
+    fn mark(&self, report: &StepReport, progress: &ConsoleProgress) -> RunMark {
         let state = self.run.state();
         let simulated = (state.step - self.first) as f64 * self.run.model().stepping.h();
         RunMark {
@@ -276,7 +276,7 @@ impl CaseRun {
     }
 
     /// Writes the checkpoint; all records that it relies on are handed over first.
-    fn checkpoint(&mut self) -> Outcome {
+    fn checkpoint(&mut self) -> Result {
         self.recorder.secure()?;
         let (model, state) = (self.run.model(), self.run.state());
         let saved = self.case.checkpoint(model, state, BTreeMap::new());
@@ -288,7 +288,7 @@ impl CaseRun {
         Ok(())
     }
 
-    fn stop(mut self) -> Outcome {
+    fn stop(mut self) -> Result {
         self.end_recording();
         let (step, all) = (self.run.state().step, self.case.steps());
         let text = if self.run.recording().is_some() {
@@ -314,7 +314,7 @@ impl CaseRun {
         }
     }
 
-    fn finish(mut self, expected: Option<u128>) -> Outcome {
+    fn finish(mut self, expected: Option<u128>) -> Result {
         self.recorder.observe_end(self.run.model(), self.run.state());
         let mut damage = None;
         match self.run.recording() {
@@ -411,7 +411,7 @@ impl CaseRun {
 }
 
 /// The checkpoint of a run that the case's machine drives.
-fn resumable(path: &Path) -> Outcome<Checkpoint> {
+fn resumable(path: &Path) -> Result<Checkpoint> {
     let saved = checkpoint::read(path)?;
     if saved.kind != Kind::Run {
         let what = format!(
@@ -435,7 +435,7 @@ fn resumable(path: &Path) -> Outcome<Checkpoint> {
 }
 
 /// Refuses to end at step `last`, if one is given, where more are `done`: before anything of them is replaced or cut.
-pub fn expect_ahead(last: Option<u64>, done: u64) -> Outcome {
+pub fn expect_ahead(last: Option<u64>, done: u64) -> Result {
     match last {
         Some(last) if last < done => Err(Failure::Usage(format!(
             "--steps {last}: expected at least {done}, the steps that are done"
@@ -445,7 +445,7 @@ pub fn expect_ahead(last: Option<u64>, done: u64) -> Outcome {
 }
 
 /// Starts the recording of a session.
-fn begin_recording(path: &Path, case: &Case, run: &RunSession) -> Outcome<RunRecorder> {
+fn begin_recording(path: &Path, case: &Case, run: &RunSession) -> Result<RunRecorder> {
     let drive = match run.recording() {
         Some(recording) if !recording.is_of_the_cycle() => Drive::Inputs,
         _ => Drive::Case,
@@ -475,7 +475,7 @@ struct RunMark {
     pace: f64,
 }
 
-impl Mark for RunMark {
+impl ProgressLabel for RunMark {
     fn text(&self) -> String {
         let Self { step, time, phase, contacts, iterations, residual, pace } = self;
         format!(

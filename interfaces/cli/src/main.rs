@@ -10,9 +10,6 @@ mod commands;
 mod console;
 #[cfg(feature = "zenoh")]
 mod coupling;
-mod exit {
-    pub use ballast_session::{Failure, Result as Outcome};
-}
 mod interrupt;
 mod nonfatal_errors;
 mod panic_hook;

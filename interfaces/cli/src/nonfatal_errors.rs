@@ -4,7 +4,7 @@
 //! decides to give up, as for a recording, or to try again, as for a checkpoint.
 
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
+use ballast_session::{Failure, Reporter, Result};
 
 /// Errors of a run that have not ended it.
 pub struct NonFatalErrors {
@@ -19,7 +19,7 @@ impl NonFatalErrors {
     }
 
     /// Returns true if `result` is `Ok`; shows an error as a warning.
-    pub fn report(&mut self, what: &str, result: Outcome) -> bool {
+    pub fn report(&mut self, what: &str, result: Result) -> bool {
         let Err(failure) = result else { return true };
         let more = "; the run continues without it";
         self.console.warning(&format!("{what}: {failure}{more}"));

@@ -3,12 +3,12 @@
 //! Reads: the workspace of a step. Writes: one file per problem. Contract: dumping changes no bit of the run; the
 //! problem is the one that was solved, without the impulses that its solution started from.
 
-use crate::exit::{Failure, Outcome};
 use crate::files::create_folder;
 use crate::run_session::RunSession;
 use ballast::nlgs::assembled_problem::AssembledProblem;
 use ballast::track::TampingPhase;
 use ballast_hdf5::fclib::{self, Storage};
+use ballast_session::{Failure, Result};
 use std::path::PathBuf;
 
 /// Selection of the contact problems that are written, and their folder.
@@ -23,13 +23,13 @@ pub struct ProblemDump {
 
 impl ProblemDump {
     /// Makes the folder; files of an earlier run in it are kept unless they have the same name.
-    pub fn to(folder: PathBuf, every: u64, phases: Vec<TampingPhase>) -> Outcome<Self> {
+    pub fn to(folder: PathBuf, every: u64, phases: Vec<TampingPhase>) -> Result<Self> {
         create_folder(&folder)?;
         Ok(Self { folder, every: every.max(1), phases })
     }
 
     /// Keeps the problem of the step that was just taken, if it is one of those wanted and has contacts.
-    pub fn step(&self, name: &str, run: &RunSession) -> Outcome {
+    pub fn step(&self, name: &str, run: &RunSession) -> Result {
         let (state, phase) = (run.state(), run.phase());
         let wanted = self.phases.is_empty() || self.phases.contains(&phase);
         let problem = run.component().workspace().problem();

@@ -1,10 +1,10 @@
 //! Progress of a task: a bar on a terminal, otherwise a line per tenth or an event per hundredth, at least one in half a
 //! minute.
 
-use crate::console::{Console, write_out};
-use ballast_session::Reporter;
+use crate::console::{Console, write_err, write_out};
 use ballast_session::table::duration;
-pub use ballast_session::{ProgressLabel as Mark, ProgressMeter};
+use ballast_session::{ProgressLabel, ProgressMeter, Reporter};
+
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
@@ -13,8 +13,6 @@ use std::time::{Duration, Instant};
 const BAR_STEPS: u64 = 1000;
 /// Maximum time between two messages without a bar.
 const MAX_SILENCE: Duration = Duration::from_secs(30);
-
-pub use ConsoleProgress as Progress;
 
 /// Display of the progress of a task, as a bar, messages or events.
 #[derive(Debug)]
@@ -51,8 +49,31 @@ impl ConsoleProgress {
         }
     }
 
-    /// Shows that the fraction `fraction` (0 to 1) of the task is done.
-    pub fn advance(&mut self, fraction: f64, label: &dyn Mark) {
+    fn event(&self, fraction: f64, left: Option<Duration>, label: &dyn ProgressLabel) {
+        let mut fields = json!({ "task": self.task, "fraction": fraction });
+        if let (Some(fields), Value::Object(more)) = (fields.as_object_mut(), label.fields()) {
+            fields.extend(more);
+            let seconds = left.map(|left| left.as_secs_f64());
+            fields.insert("seconds_left".into(), json!(seconds));
+        }
+        self.console.event("progress", fields);
+    }
+
+    /// Estimates the remaining time; `None` at the very beginning.
+    fn left(&self, fraction: f64) -> Option<Duration> {
+        (fraction > 1e-6)
+            .then(|| self.elapsed().mul_f64(((1.0 - fraction) / fraction).clamp(0.0, 1e9)))
+    }
+}
+
+impl Drop for ConsoleProgress {
+    fn drop(&mut self) {
+        self.finish();
+    }
+}
+
+impl ProgressMeter for ConsoleProgress {
+    fn advance(&mut self, fraction: f64, label: &dyn ProgressLabel) {
         let left = self.left(fraction);
         if let Some(bar) = &self.bar {
             bar.set_position(whole(fraction, BAR_STEPS));
@@ -74,70 +95,45 @@ impl ConsoleProgress {
         }
     }
 
-    fn event(&self, fraction: f64, left: Option<Duration>, label: &dyn Mark) {
-        let mut fields = json!({ "task": self.task, "fraction": fraction });
-        if let (Some(fields), Value::Object(more)) = (fields.as_object_mut(), label.fields()) {
-            fields.extend(more);
-            let seconds = left.map(|left| left.as_secs_f64());
-            fields.insert("seconds_left".into(), json!(seconds));
-        }
-        self.console.event("progress", fields);
-    }
-
-    /// Returns the wall time since the start of the task.
-    pub fn elapsed(&self) -> Duration {
+    fn elapsed(&self) -> Duration {
         self.start.elapsed()
     }
 
     /// Removes the bar from the terminal.
-    pub fn finish(&self) {
+    fn finish(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-    }
-
-    /// Estimates the remaining time; `None` at the very beginning.
-    fn left(&self, fraction: f64) -> Option<Duration> {
-        (fraction > 1e-6)
-            .then(|| self.elapsed().mul_f64(((1.0 - fraction) / fraction).clamp(0.0, 1e9)))
-    }
-}
-
-impl Drop for ConsoleProgress {
-    fn drop(&mut self) {
-        self.finish();
-    }
-}
-
-impl ProgressMeter for ConsoleProgress {
-    fn advance(&mut self, fraction: f64, label: &dyn Mark) {
-        ConsoleProgress::advance(self, fraction, label);
-    }
-
-    fn elapsed(&self) -> Duration {
-        ConsoleProgress::elapsed(self)
-    }
-
-    fn finish(&self) {
-        ConsoleProgress::finish(self);
     }
 }
 
 impl Reporter for Console {
     fn note(&self, text: &str) {
-        Console::note(self, text);
+        write_err(text);
     }
 
+    /// Prints a warning, also as an event.
     fn warning(&self, text: &str) {
-        Console::warning(self, text);
+        write_err(&format!("warning: {text}"));
+        self.event("warning", json!({ "message": text }));
     }
 
+    /// Prints an event with the key `event`; nothing without `json`.
     fn event(&self, name: &str, fields: Value) {
-        Console::event(self, name, fields);
+        if self.json {
+            let mut event = json!({ "event": name });
+            if let (Some(event), Value::Object(fields)) = (event.as_object_mut(), fields) {
+                event.extend(fields);
+            }
+            write_out(&event.to_string());
+        }
     }
 
+    /// Prints a result for a person; nothing with `json`.
     fn result(&self, text: &str) {
-        Console::result(self, text);
+        if !self.json {
+            write_out(text);
+        }
     }
 
     fn line(&self, text: &str) {
@@ -145,7 +141,7 @@ impl Reporter for Console {
     }
 
     fn start_progress(&self, task: &str) -> Box<dyn ProgressMeter> {
-        Box::new(Progress::start(*self, task))
+        Box::new(ConsoleProgress::start(*self, task))
     }
 }
 

@@ -1,12 +1,12 @@
 //! Initial state of a recording: the start of the case, or the checkpoint that the recording holds.
 
 use crate::case::{Case, CaseOverrides};
-use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
 use ballast_mcap::recording::WindowReader;
+use ballast_session::{Failure, Result};
 
 /// Model and state at the beginning of `windows`; `model` and `state` are those of the case.
 pub fn initial_scene(
@@ -14,7 +14,7 @@ pub fn initial_scene(
     case: &Case,
     model: Model,
     state: State,
-) -> Outcome<(Model, State)> {
+) -> Result<(Model, State)> {
     let Some(bytes) = windows.start() else {
         // What is damaged may have been the start.
         let begins_here =
@@ -36,7 +36,7 @@ pub fn initial_scene(
 
 /// Checks that a recording that holds its start belongs to `case`, before the bed is prepared; `model` is that of the case
 /// without grains.
-pub fn check_case(windows: &WindowReader, case: &Case, model: &Model) -> Outcome {
+pub fn check_case(windows: &WindowReader, case: &Case, model: &Model) -> Result {
     let Some(bytes) = windows.start() else { return Ok(()) };
     let saved = saved(windows, bytes)?;
     let name = format!("{}, its case", windows.path().display());
@@ -53,7 +53,7 @@ pub fn check_case(windows: &WindowReader, case: &Case, model: &Model) -> Outcome
     Err(other_case(windows, case))
 }
 
-fn saved(windows: &WindowReader, bytes: &[u8]) -> Outcome<Checkpoint> {
+fn saved(windows: &WindowReader, bytes: &[u8]) -> Result<Checkpoint> {
     let saved = checkpoint::from_bytes(bytes);
     saved.map_err(|e| Failure::at(windows.path(), format!("its start: {e}")))
 }

@@ -1,12 +1,12 @@
 //! Run of a case: its component, and the driver that moves the bodies.
 
 use crate::case::{self, Case};
-use crate::exit::Outcome;
 use ballast::component::{Component, DrivenWindow, Session};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingPhase;
+use ballast_session::Result;
 use ballast_session::driver::{self, RunDriver, RunObserver};
 use ballast_session::recording_driver::RecordingDriver;
 use std::sync::Arc;
@@ -16,7 +16,7 @@ pub struct RunSession(Session<RunDriver>);
 
 impl RunSession {
     /// Joins the component of a case at `state` with its driver.
-    pub fn new(case: &Case, model: Model, state: State, driver: RunDriver) -> Outcome<Self> {
+    pub fn new(case: &Case, model: Model, state: State, driver: RunDriver) -> Result<Self> {
         Ok(Self(Session::new(case::component(case, Arc::new(model), state)?, driver)))
     }
 
@@ -48,7 +48,7 @@ impl RunSession {
     }
 
     /// Refuses a recording that cannot move the bodies through the next step; nothing is computed.
-    pub fn check_first_step(&mut self) -> Outcome {
+    pub fn check_first_step(&mut self) -> Result {
         let (driver, component) = self.0.parts_mut();
         match driver {
             RunDriver::Cycle(_) => Ok(()),
@@ -63,7 +63,7 @@ impl RunSession {
     pub fn step(
         &mut self,
         observer: &mut RunObserver,
-    ) -> Outcome<Option<(DrivenWindow, StepReport)>> {
+    ) -> Result<Option<(DrivenWindow, StepReport)>> {
         driver::step(&mut self.0, observer, RunDriver::failure)
     }
 }

@@ -6,7 +6,7 @@ use crate::console::Console;
 use crate::table::figure;
 use ballast::track::TampingPhase;
 use ballast::track::plan::{Plan, TampingPlan};
-use ballast_session::Result;
+use ballast_session::{Reporter, Result};
 use serde_json::json;
 
 pub fn check(args: CheckArgs, console: Console) -> Result {

@@ -3,7 +3,7 @@
 use crate::args::Cli;
 use crate::console::Console;
 use ballast_session::files::create_folder;
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, Reporter, Result};
 use clap::CommandFactory;
 use clap_complete::Shell;
 use serde_json::json;

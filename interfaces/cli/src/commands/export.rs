@@ -4,8 +4,8 @@ use super::expected_file::ExpectedFile;
 use crate::args::ExportArgs;
 use crate::console::Console;
 use ballast_hdf5::Error;
-use ballast_session::Result;
 use ballast_session::run_files::RunFiles;
+use ballast_session::{Reporter, Result};
 use serde_json::json;
 
 pub fn export(args: ExportArgs, console: Console) -> Result {

@@ -3,8 +3,8 @@
 use super::expected_file::ExpectedFile;
 use crate::args::InspectArgs;
 use crate::console::Console;
-use ballast_session::Result;
 use ballast_session::run_files::RunFiles;
+use ballast_session::{Reporter, Result};
 
 pub fn inspect(args: InspectArgs, console: Console) -> Result {
     let file = ExpectedFile::Any.find(&args.file)?;

@@ -15,7 +15,7 @@ use ballast_mcap::recording::{self, WindowReader};
 use ballast_session::driver::{RunDriver, tamping_driver};
 use ballast_session::recording_driver::RecordingDriver;
 use ballast_session::run_files::RunFiles;
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, Reporter, Result};
 use std::path::Path;
 
 pub fn replay(args: ReplayArgs, console: Console) -> Result {

@@ -4,7 +4,7 @@ use crate::args::ReportArgs;
 use crate::console::Console;
 use crate::files::{PAGE_START, begins_with, check_replaceable, replace_text};
 use ballast_report::{self as report, ReportSource};
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, Reporter, Result};
 use serde_json::json;
 
 pub fn report(args: ReportArgs, console: Console) -> Result {

@@ -1,7 +1,7 @@
 //! `ballast schema`: JSON Schema of case files, or of the network protocol.
 
 use crate::console::Console;
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, Reporter, Result};
 use serde_json::json;
 
 pub fn schema(protocol: bool, console: Console) -> Result {

@@ -11,7 +11,7 @@ use crate::files::{check_replaceable, expect_different, replace_text};
 use crate::profile::cpu_time;
 use ballast::nlgs::solution::{self, SolutionSettings};
 use ballast_hdf5::fclib;
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, Reporter, Result};
 use serde_json::json;
 use std::path::{Path, PathBuf};
 

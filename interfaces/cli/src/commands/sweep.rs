@@ -9,7 +9,7 @@ use crate::lock::enter;
 use ballast_scenario::MAX_CASE_BYTES;
 use ballast_scenario::sweep::{SweepPlan, SweepPoint, apply_point};
 use ballast_session::run_files::RunFiles;
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, Reporter, Result};
 use nix::sys::signal::{Signal, kill};
 use nix::unistd::Pid;
 use serde_json::{Map, Value, json};

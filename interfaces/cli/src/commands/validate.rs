@@ -4,7 +4,7 @@ use crate::args::ValidateArgs;
 use crate::console::Console;
 use crate::files::{check_writable, create_folder, replace_text};
 use crate::interrupt;
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, Reporter, Result};
 use ballast_validation::{self as validate, CheckVerdict, SuiteSize};
 use serde_json::json;
 

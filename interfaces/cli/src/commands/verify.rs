@@ -3,14 +3,14 @@
 use crate::args::VerifyArgs;
 use crate::case::{self, Case, CaseOverrides, first_other_line};
 use crate::console::Console;
-use crate::progress::{Mark, Progress};
+use crate::progress::ConsoleProgress;
 use crate::{beds, interrupt, recording_start};
 use ballast::model::Schedule;
 use ballast::track;
 use ballast_mcap::RecordingMetadata;
 use ballast_mcap::recording::WindowReader;
 use ballast_mcap::verify::{Difference, VerificationResult};
-use ballast_session::{Failure, Result};
+use ballast_session::{Failure, ProgressLabel, ProgressMeter, Reporter, Result};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -27,7 +27,7 @@ pub fn verify(args: VerifyArgs, console: Console) -> Result {
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     let (model, state) = recording_start::initial_scene(&windows, &case, model, state)?;
     let mut component = case::component(&case, Arc::new(model), state)?;
-    let mut progress = Progress::start(console, "verify");
+    let mut progress = ConsoleProgress::start(console, "verify");
     let begin_ns = component.now_ns();
     let end_ns = windows.end_time_hint_ns().unwrap_or(case.plan.run.duration_ns);
     let whole = end_ns.saturating_sub(begin_ns).max(1) as f64;
@@ -109,7 +109,7 @@ fn hint(difference: &Difference, meta: &RecordingMetadata, case: &Case) -> Strin
 /// Label of the time that a verification has reached, ns.
 struct VerifyLabel(u64);
 
-impl Mark for VerifyLabel {
+impl ProgressLabel for VerifyLabel {
     fn text(&self) -> String {
         format!("{:.4} s", self.0 as f64 * 1e-9)
     }

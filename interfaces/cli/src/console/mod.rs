@@ -1,7 +1,7 @@
 //! Output of the program: results on standard output, messages on standard error, events as JSON lines.
 
-use ballast_session::Failure;
-use serde_json::{Value, json};
+use ballast_session::{Failure, Reporter};
+use serde_json::json;
 use std::io::{ErrorKind, IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -15,35 +15,6 @@ pub struct Console {
 }
 
 impl Console {
-    /// Prints a result for a person; nothing with `json`.
-    pub fn result(&self, text: &str) {
-        if !self.json {
-            write_out(text);
-        }
-    }
-
-    /// Prints an event with the key `event`; nothing without `json`.
-    pub fn event(&self, name: &str, fields: Value) {
-        if self.json {
-            let mut event = json!({ "event": name });
-            if let (Some(event), Value::Object(fields)) = (event.as_object_mut(), fields) {
-                event.extend(fields);
-            }
-            write_out(&event.to_string());
-        }
-    }
-
-    /// Prints a message about the course of the command.
-    pub fn note(&self, text: &str) {
-        write_err(text);
-    }
-
-    /// Prints a warning, also as an event.
-    pub fn warning(&self, text: &str) {
-        write_err(&format!("warning: {text}"));
-        self.event("warning", json!({ "message": text }));
-    }
-
     /// Prints the failure that ends the program, also as an event.
     pub fn failure(&self, failure: &Failure) {
         write_err(&format!("{}: {failure}", failure.word()));

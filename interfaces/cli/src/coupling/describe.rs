@@ -2,12 +2,12 @@
 
 use super::args::DescribeArgs;
 use crate::console::Console;
-use crate::exit::Outcome;
 use ballast_protocol::lockstep::ErrorCode;
+use ballast_session::{Reporter, Result};
 use ballast_zenoh::{ComponentDescription, Connection, HEARTBEAT_INTERVAL, Timeouts};
 use serde_json::json;
 
-pub fn describe(args: DescribeArgs, console: Console) -> Outcome {
+pub fn describe(args: DescribeArgs, console: Console) -> Result {
     let connection =
         Connection::open(&args.key, &args.endpoints.to_connect(), Timeouts::default())?;
     if args.schema {

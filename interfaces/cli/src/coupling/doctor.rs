@@ -3,17 +3,17 @@
 use super::args::DoctorArgs;
 use crate::case::{self, CaseOverrides};
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
 use crate::table::on_threads;
 use ballast_hdf5::checkpoint;
 use ballast_protocol::lockstep::{ComponentState, empty_model};
+use ballast_session::{Failure, Reporter, Result};
 use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Connection, Server, SessionConfig, Timeouts};
 use serde_json::json;
 use std::path::Path;
 use std::sync::Arc;
 
-pub fn doctor(args: DoctorArgs, console: Console) -> Outcome {
+pub fn doctor(args: DoctorArgs, console: Console) -> Result {
     super::log::install();
     let mut checks: Vec<(&str, Result<String, String>)> = vec![
         ("processors", Ok(on_threads(rayon::current_num_threads()))),

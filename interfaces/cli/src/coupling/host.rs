@@ -5,13 +5,13 @@ use super::served_checkpoint;
 use super::served_recording::ServedRecording;
 use crate::case::{self, Case, CaseOverrides};
 use crate::console::Console;
-use crate::exit::{Failure, Outcome};
 use crate::nonfatal_errors::NonFatalErrors;
 use crate::{beds, case_run, interrupt};
 use ballast::component::Component;
 use ballast::track;
 use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
+use ballast_session::{Failure, Reporter, Result};
 use ballast_zenoh::ServerHooks;
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A case as it is served: stepped, and its zones measured.
-pub fn served(case: &Case, beds: &Path, console: Console) -> Outcome<Component> {
+pub fn served(case: &Case, beds: &Path, console: Console) -> Result<Component> {
     let (model, state) = beds::scene(case, beds, &console)?;
     Ok(case::component(case, Arc::new(model), state)?.with_zones(track::zones(&case.plan)))
 }
@@ -75,7 +75,7 @@ impl ServedRun {
     }
 
     /// The case with other choices, and its bed.
-    fn prepare_bed(&self, ask: &InitRequest) -> Outcome<(Case, Component)> {
+    fn prepare_bed(&self, ask: &InitRequest) -> Result<(Case, Component)> {
         let asked = CaseOverrides::from_names(ask.seed, ask.schedule.as_deref())
             .map_err(|e| Failure::Usage(e.to_string()))?;
         let choices = asked.or(self.choices);
@@ -97,7 +97,7 @@ impl ServedRun {
         (self.is_current, self.is_due) = (false, true);
     }
 
-    fn recorded(&mut self, act: impl FnOnce(&mut ServedRecording) -> Outcome) {
+    fn recorded(&mut self, act: impl FnOnce(&mut ServedRecording) -> Result) {
         let Some(recording) = &mut self.recording else { return };
         let result = act(recording);
         if !self.errors.report("recording", result) {

@@ -7,15 +7,15 @@ use super::served_recording::{self, ServedRecording};
 use crate::case::{self, CaseOverrides};
 use crate::case_run;
 use crate::console::{self, Console};
-use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use ballast_protocol::lockstep::Lockstep;
 use ballast_session::run_files::RunFiles;
+use ballast_session::{Failure, Reporter, Result};
 use ballast_zenoh::{Keys, Server, ServerHooks, SessionConfig};
 use serde_json::json;
 use std::path::Path;
 
-pub fn serve(args: ServeArgs, console: Console) -> Outcome {
+pub fn serve(args: ServeArgs, console: Console) -> Result {
     super::log::install();
     interrupt::install()?;
     console::stop_blocking(console);
@@ -92,7 +92,7 @@ fn listening_text(endpoints: &[String]) -> String {
     }
 }
 
-fn finish(lockstep: &Lockstep, served_run: &ServedRun, console: Console) -> Outcome {
+fn finish(lockstep: &Lockstep, served_run: &ServedRun, console: Console) -> Result {
     let position = lockstep.position();
     if !lockstep.is_configured() {
         console.result("no bed was prepared: no client has requested `init`");

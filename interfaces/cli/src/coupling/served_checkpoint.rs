@@ -1,12 +1,12 @@
 //! Checkpoints of a served run: state, number of the last window, and what that was answered.
 
 use crate::case::{self, Case, CaseOverrides, RUN_ID};
-use crate::exit::{Failure, Outcome};
 use ballast::component::Parameters;
 use ballast_hdf5::checkpoint::{self, Checkpoint};
 use ballast_protocol::lockstep::{Lockstep, ResumeInfo, SavedState};
 use ballast_protocol::messages::{AdvanceReply, Digest};
 use ballast_protocol::{from_cdr, to_cdr};
+use ballast_session::{Failure, Result};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -24,16 +24,16 @@ const CLIENT: &str = "last_client";
 const OWNERS: &str = "owners";
 
 /// Writes the checkpoint of a run.
-pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome {
+pub fn write(path: &Path, case: &Case, lockstep: &Lockstep) -> Result {
     Ok(checkpoint::write(path, &of(path, case, lockstep)?)?)
 }
 
 /// Returns the bytes of the checkpoint of a run, for the recording at `path`.
-pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Vec<u8>> {
+pub fn bytes(path: &Path, case: &Case, lockstep: &Lockstep) -> Result<Vec<u8>> {
     Ok(checkpoint::to_bytes(path, &of(path, case, lockstep)?)?)
 }
 
-fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
+fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Result<Checkpoint> {
     let component = lockstep.component();
     let place = lockstep.position();
     let mut extra = BTreeMap::from([(RUN_ID.into(), place.run_id)]);
@@ -54,14 +54,14 @@ fn of(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<Checkpoint> {
 }
 
 /// Returns a description of the run of a checkpoint; `None` if it is of no served run.
-pub fn name(path: &Path) -> Outcome<Option<String>> {
+pub fn name(path: &Path) -> Result<Option<String>> {
     let saved = checkpoint::read(path)?;
     let seq = saved.extra.get(SEQ).cloned().unwrap_or_default();
     Ok(saved.extra.get(RUN_ID).map(|run| format!("run {run} after window {seq}")))
 }
 
 /// Takes a run up where its checkpoint was written; `lockstep` is at the beginning of the case as it is now.
-pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Outcome {
+pub fn resume(path: &Path, lockstep: &mut Lockstep) -> Result {
     let saved = checkpoint::read(path)?;
     let notes = &saved.extra;
     let note = |key: &str| {
@@ -117,7 +117,7 @@ fn hexadecimal(text: &str) -> Option<Vec<u8>> {
 ///
 /// # Errors
 /// A run or an unreadable checkpoint in the folder, without `force`.
-pub fn check_free(path: &Path, force: bool) -> Outcome {
+pub fn check_free(path: &Path, force: bool) -> Result {
     if force || !path.exists() {
         return Ok(());
     }
@@ -133,14 +133,14 @@ pub fn check_free(path: &Path, force: bool) -> Outcome {
 }
 
 /// A name for a new run.
-pub fn fresh_run() -> Outcome<String> {
+pub fn fresh_run() -> Result<String> {
     Ok(format!("run-{}", &ballast_zenoh::random()?[..16]))
 }
 
 /// The case as the run of a checkpoint has it: with what is given of schedule and seed, and the rest as it was.
 ///
 /// Refuses another case. Its model may be the same, since zones and squeezes are in none; comments may differ.
-pub fn of_the_run(path: &Path, case: Case, given: CaseOverrides) -> Outcome<Case> {
+pub fn of_the_run(path: &Path, case: Case, given: CaseOverrides) -> Result<Case> {
     let saved = checkpoint::read(path)?;
     let case = case.with_overrides(given.or(CaseOverrides::from_notes(&saved.extra)?));
     let was = Case::parse(saved.case_text, &format!("{}, its case", path.display()))?;

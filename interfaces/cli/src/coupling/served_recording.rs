@@ -7,10 +7,10 @@
 
 use super::served_checkpoint;
 use crate::case::Case;
-use crate::exit::Outcome;
 use ballast_mcap::{Drive, RecordingMetadata, WindowRecorder};
 use ballast_protocol::lockstep::{Lockstep, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
+use ballast_session::Result;
 use std::path::{Path, PathBuf};
 
 /// The open recording.
@@ -30,7 +30,7 @@ impl ServedRecording {
         resumes: bool,
         case: &Case,
         lockstep: &Lockstep,
-    ) -> Outcome<Option<Self>> {
+    ) -> Result<Option<Self>> {
         let Some(path) = path else { return Ok(None) };
         let mut recording = Self { path: path.into(), parts: 0, resumes, windows: None };
         if lockstep.is_configured() {
@@ -45,7 +45,7 @@ impl ServedRecording {
         kind: WindowKind,
         request: &AdvanceRequest,
         reply: &AdvanceReply,
-    ) -> Outcome {
+    ) -> Result {
         let Some(windows) = &mut self.windows else { return Ok(()) };
         let component = lockstep.component();
         let (model, state) = (component.shared_model(), component.save());
@@ -58,7 +58,7 @@ impl ServedRecording {
     }
 
     /// Starts a file: the run begins, or continues from another state or in another bed of the case.
-    pub fn start_new_file(&mut self, case: &Case, lockstep: &Lockstep) -> Outcome {
+    pub fn start_new_file(&mut self, case: &Case, lockstep: &Lockstep) -> Result {
         if let Some(windows) = &mut self.windows {
             windows.settle()?;
         }
@@ -70,7 +70,7 @@ impl ServedRecording {
         }
     }
 
-    pub fn finish(self) -> Outcome {
+    pub fn finish(self) -> Result {
         Ok(self.windows.map_or(Ok(()), WindowRecorder::finish)?)
     }
 }
@@ -101,7 +101,7 @@ fn next_part(path: &Path, parts: &mut u32, resumes: bool) -> PathBuf {
     }
 }
 
-fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Outcome<WindowRecorder> {
+fn start(path: &Path, case: &Case, lockstep: &Lockstep) -> Result<WindowRecorder> {
     let (model, state) = (lockstep.component().model(), lockstep.component().state());
     let hash = ballast_hdf5::state_hash(model, state).into();
     let meta = RecordingMetadata::of(

@@ -2,13 +2,13 @@
 
 use super::args::TopArgs;
 use crate::console::{Console, is_open};
-use crate::exit::{Failure, Outcome};
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_protocol::from_cdr;
 use ballast_protocol::lockstep::{StatusReport, WindowProgress};
 use ballast_protocol::messages::{Message, SolverStats, WrenchImpulse};
 use ballast_protocol::real_time::RealTimeStatus;
+use ballast_session::{Failure, Reporter, Result};
 use ballast_zenoh::{Connection, HEARTBEAT_INTERVAL, Timeouts};
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -40,7 +40,7 @@ impl LatestResults {
     }
 }
 
-pub fn top(args: TopArgs, console: Console) -> Outcome {
+pub fn top(args: TopArgs, console: Console) -> Result {
     super::log::install();
     // No running step has to finish first.
     interrupt::install_with_message("stopping")?;
