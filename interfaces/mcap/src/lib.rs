@@ -17,6 +17,8 @@ pub mod verify;
 mod chunk;
 mod error;
 mod metadata;
+mod other_format;
+mod record;
 mod summary_section;
 mod topic_message;
 mod window;

@@ -3,11 +3,14 @@
 //! Cost: memory for one chunk, and as much for its messages. Contract: only messages of valid chunks are returned. At a
 //! truncated or damaged place reading ends, and [`MessageReader::truncation`] has the reason. Unknown records, and records
 //! at a wrong place, are errors, because they may have been messages. The file's checksum and its numbers of messages and
-//! chunks are compared with those that were read.
+//! chunks are compared with those that were read. Long records that are not needed are skipped without reading them; the
+//! checksum of their file is not compared.
 
 use crate::chunk::{self, MAX_CHUNK_BYTES, MAX_READ_BYTES};
 use crate::error::{Error, Result};
 use crate::metadata::{METADATA_NAME, START_ATTACHMENT};
+use crate::other_format::{describe_file, describe_folder};
+use crate::record::{RecordHead, is_index, texts_fit};
 use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 use std::collections::{BTreeMap, VecDeque};
@@ -65,6 +68,8 @@ pub struct MessageReader {
     path: PathBuf,
     file: File,
     reader: LinearReader,
+    /// True if the next byte of the file is the first of a record.
+    is_at_head: bool,
     content: ReaderState,
     finished: bool,
     /// Number of returned messages.
@@ -79,9 +84,11 @@ struct ReaderState {
     profile: Option<String>,
     schemas: BTreeMap<u16, String>,
     channels: BTreeMap<u16, Arc<ChannelInfo>>,
-    metadata: BTreeMap<String, BTreeMap<String, String>>,
-    attachments: BTreeMap<String, Vec<u8>>,
-    /// Memory of names, metadata and attachments, which outlive a chunk, bytes.
+    /// Metadata of a recording of Ballast.
+    metadata: Option<BTreeMap<String, String>>,
+    /// Checkpoint at which a recording of Ballast starts.
+    start: Option<Vec<u8>>,
+    /// Memory of names, metadata and checkpoint, which outlive a chunk, bytes.
     permanent_bytes: u64,
     waiting: VecDeque<McapMessage>,
     /// True after the end of the data section.
@@ -101,24 +108,27 @@ impl MessageReader {
     pub fn open(path: &Path) -> Result<Self> {
         if path.metadata().is_ok_and(|what| !what.is_file()) {
             // Opening a pipe would block until a writer opens it.
-            return Err(Error::unsuitable(path, "recording", "a file", "a folder or a pipe"));
+            return Err(Error::unsuitable(path, "recording", "a file", describe_folder(path)));
         }
         let file = File::open(path).map_err(|e| Error::io(path, "open", e))?;
-        let options = LinearReaderOptions::default()
-            .with_skip_end_magic(true)
-            .with_emit_chunks(true)
-            .with_validate_data_section_crc(true)
-            .with_record_length_limit(MAX_CHUNK_BYTES as usize);
+        let mut start = Vec::new();
+        let read = (&file).take(mcap::MAGIC.len() as u64).read_to_end(&mut start);
+        read.map_err(|e| Error::io(path, "read", e))?;
+        if let Some(other) = describe_file(&start) {
+            return Err(Error::damaged(path, "start", "an MCAP file", other));
+        }
         let mut messages = Self {
             path: path.into(),
             file,
-            reader: LinearReader::new_with_options(options),
+            reader: record_reader(true),
+            is_at_head: true,
             content: ReaderState::default(),
             finished: false,
             returned: 0,
             last_ns: None,
             truncation: None,
         };
+        messages.insert(&start);
         while messages.content.profile.is_none() && !messages.finished {
             messages.read_more()?;
         }
@@ -136,14 +146,14 @@ impl MessageReader {
         &self.path
     }
 
-    /// Returns the metadata record `name` of the part that has been read.
-    pub fn metadata(&self, name: &str) -> Option<&BTreeMap<String, String>> {
-        self.content.metadata.get(name)
+    /// Returns the metadata of a recording of Ballast, if the part that has been read has them.
+    pub(crate) fn metadata(&self) -> Option<&BTreeMap<String, String>> {
+        self.content.metadata.as_ref()
     }
 
-    /// Returns the attachment `name` of the part that has been read.
-    pub fn attachment(&self, name: &str) -> Option<&[u8]> {
-        self.content.attachments.get(name).map(|data| &data[..])
+    /// Returns the checkpoint at which a recording of Ballast starts, if the part that has been read has one.
+    pub(crate) fn start(&self) -> Option<&[u8]> {
+        self.content.start.as_deref()
     }
 
     /// Reason of an early end of reading, if there is one.
@@ -186,12 +196,14 @@ impl MessageReader {
     fn read_more(&mut self) -> Result<()> {
         let ended = match self.reader.next_event() {
             Some(Ok(LinearReadEvent::ReadRequest(wanted))) => {
-                let bytes = self.reader.insert(wanted.min(MAX_READ_BYTES));
-                let read = self.file.read(bytes).map_err(|e| Error::io(&self.path, "read", e))?;
-                self.reader.notify_read(read);
-                return Ok(());
+                let read = self.fill(wanted).map_err(|e| Error::io(&self.path, "read", e))?;
+                match read {
+                    true => return Ok(()),
+                    false => Some(inner_end(&mut self.file)),
+                }
             }
             Some(Ok(LinearReadEvent::Record { data, opcode })) => {
+                self.is_at_head = true;
                 match self.content.record(opcode, data) {
                     Ok(()) if opcode != op::FOOTER => return Ok(()),
                     Ok(()) => None,
@@ -200,12 +212,8 @@ impl MessageReader {
             }
             // All messages have been read; the summary serves random access only.
             _ if self.content.complete => None,
-            Some(Err(mcap::McapError::UnexpectedEof)) if is_closed(&mut self.file) => {
-                Some(("record length exceeds the file size".into(), false))
-            }
-            Some(Err(error)) => {
-                Some((reason(&error), matches!(error, mcap::McapError::UnexpectedEof)))
-            }
+            Some(Err(mcap::McapError::UnexpectedEof)) => Some(inner_end(&mut self.file)),
+            Some(Err(error)) => Some((reason(&error), false)),
             None => Some(("the file ends without an end mark".into(), true)),
         };
         self.finished = true;
@@ -217,14 +225,59 @@ impl MessageReader {
         });
         Ok(())
     }
+
+    /// Reads some of the `wanted` bytes, or skips a long record that is not needed. Returns false if such a record is longer
+    /// than the file.
+    fn fill(&mut self, wanted: usize) -> std::io::Result<bool> {
+        if !std::mem::take(&mut self.is_at_head) {
+            let bytes = self.reader.insert(wanted.min(MAX_READ_BYTES));
+            let read = self.file.read(bytes)?;
+            self.reader.notify_read(read);
+            return Ok(true);
+        }
+        let head = RecordHead::read(&self.file)?;
+        if !head.is_long() || !self.content.skip(&head) {
+            self.insert(&head.bytes);
+            return Ok(true);
+        }
+        let end = self.file.stream_position()?.checked_add(head.rest());
+        let Some(end) = end.filter(|end| self.file.metadata().is_ok_and(|file| *end <= file.len()))
+        else {
+            return Ok(false);
+        };
+        self.file.seek(SeekFrom::Start(end))?;
+        self.reader = record_reader(false);
+        self.is_at_head = true;
+        Ok(true)
+    }
+
+    /// Gives bytes of the file to the reader of records; none are the end of the file.
+    fn insert(&mut self, bytes: &[u8]) {
+        self.reader.insert(bytes.len()).copy_from_slice(bytes);
+        self.reader.notify_read(bytes.len());
+    }
 }
 
-/// True if a file has an end mark.
-fn is_closed(file: &mut File) -> bool {
+/// Creates a reader of records: of a whole file, whose checksum is compared, or from a record on.
+fn record_reader(is_whole: bool) -> LinearReader {
+    let options = LinearReaderOptions::default()
+        .with_skip_start_magic(!is_whole)
+        .with_skip_end_magic(true)
+        .with_emit_chunks(true)
+        .with_validate_data_section_crc(is_whole)
+        .with_record_length_limit(MAX_CHUNK_BYTES as usize);
+    LinearReader::new_with_options(options)
+}
+
+/// Returns the reason of an end within a record, and true if the file was cut: a file with an end mark was not.
+fn inner_end(file: &mut File) -> (String, bool) {
     let mut end = [0; mcap::MAGIC.len()];
     let back = -(end.len() as i64);
     let read = file.seek(SeekFrom::End(back)).and_then(|_| file.read_exact(&mut end));
-    read.is_ok() && end == *mcap::MAGIC
+    match read.is_ok() && end == *mcap::MAGIC {
+        true => ("record length exceeds the file size".into(), false),
+        false => ("the file ends within a record".into(), true),
+    }
 }
 
 /// Kinds of records in the summary section.
@@ -246,7 +299,6 @@ const PRIVATE_KINDS: u8 = 0x80;
 /// Describes an error of the MCAP library.
 fn reason(error: &mcap::McapError) -> String {
     match error {
-        mcap::McapError::UnexpectedEof => "the file ends within a record".into(),
         mcap::McapError::BadMagic => "bytes that are not MCAP".into(),
         mcap::McapError::BadDataCrc { .. } => "bytes that do not match their checksum".into(),
         other => format!("a record that cannot be read: {other}"),
@@ -254,6 +306,26 @@ fn reason(error: &mcap::McapError) -> String {
 }
 
 impl ReaderState {
+    /// Returns true, and counts the record, if the content of a long record is not needed: it is that of another program,
+    /// or a message that is longer than any pose.
+    fn skip(&mut self, head: &RecordHead) -> bool {
+        let (is_open, is_foreign) = (!self.complete, self.may_have_private_records());
+        let is_message = head.kind() == op::MESSAGE;
+        let may_skip = match head.kind() {
+            // Two times precede the name.
+            op::ATTACHMENT => is_open && !head.is_named(16, START_ATTACHMENT),
+            op::METADATA => is_open && !head.is_named(0, METADATA_NAME),
+            op::MESSAGE => is_open && is_foreign && head.length() > MAX_CHUNK_BYTES,
+            PRIVATE_KINDS.. => self.complete || is_foreign,
+            _ => false,
+        };
+        if may_skip {
+            self.last = head.kind();
+            self.messages += u64::from(is_message);
+        }
+        may_skip
+    }
+
     /// Takes a record outside of chunks, if its kind may occur at its place.
     fn record(&mut self, kind: u8, data: &[u8]) -> std::result::Result<(), String> {
         let before = std::mem::replace(&mut self.last, kind);
@@ -283,8 +355,7 @@ impl ReaderState {
             {
                 self.take(kind, data)?;
             }
-            // Other attachments may be large and are not used.
-            op::ATTACHMENT if self.attachments.is_empty() => self.take(kind, data)?,
+            op::ATTACHMENT if self.start.is_none() => self.take(kind, data)?,
             _ => {}
         }
         Ok(())
@@ -341,13 +412,13 @@ impl ReaderState {
                     data: data.into_owned(),
                 });
             }
-            Record::Metadata(metadata) => {
+            Record::Metadata(metadata) if metadata.name == METADATA_NAME => {
                 self.hold(record_bytes.len(), 0)?;
-                self.metadata.insert(metadata.name, metadata.metadata);
+                self.metadata = Some(metadata.metadata);
             }
             Record::Attachment { header, data, .. } if header.name == START_ATTACHMENT => {
                 self.hold(record_bytes.len(), 0)?;
-                self.attachments.insert(header.name, data.into_owned());
+                self.start = Some(data.into_owned());
             }
             Record::Chunk { header, data } => {
                 self.chunks += 1;
@@ -402,52 +473,10 @@ impl ReaderState {
 
     /// True if private records may occur among the messages. Recordings of this crate have none.
     fn may_have_private_records(&self) -> bool {
-        !self.metadata.contains_key(METADATA_NAME)
+        self.metadata.is_none()
     }
 }
 
 fn misplaced(kind: u8) -> String {
     format!("a record of kind {kind:#04x} at a wrong place")
-}
-
-/// True if a record is an index of messages: a channel, a length in bytes, and that many bytes of times and offsets.
-fn is_index(data: &[u8]) -> bool {
-    let split = data.get(2..).and_then(|rest| rest.split_first_chunk());
-    split.is_some_and(|(length, entries)| {
-        u32::from_le_bytes(*length) as usize == entries.len() && entries.len().is_multiple_of(16)
-    })
-}
-
-/// Returns `None` if a text of the record claims to be longer than the record. The library allocates the claimed length
-/// before it compares, and expects the checksum of an attachment without a check.
-fn texts_fit(kind: u8, data: &[u8]) -> Option<()> {
-    // Bytes before the texts, number of texts, true if a map follows, and minimum number of bytes at the end.
-    let (before, texts, has_map, after) = match kind {
-        op::HEADER => (0, 2, false, 0),
-        op::SCHEMA => (2, 2, false, 4),
-        op::CHANNEL => (4, 2, true, 0),
-        op::CHUNK => (28, 1, false, 8),
-        op::ATTACHMENT => (16, 2, false, 12),
-        op::METADATA => (0, 1, true, 0),
-        _ => return Some(()),
-    };
-    let mut rest = data.get(before..)?;
-    for _ in 0..texts {
-        rest = after_text(rest)?;
-    }
-    if has_map {
-        let (length, entries) = rest.split_first_chunk()?;
-        let end = entries.len().checked_sub(u32::from_le_bytes(*length) as usize)?;
-        rest = entries;
-        while rest.len() > end {
-            rest = after_text(after_text(rest)?)?;
-        }
-    }
-    (rest.len() >= after).then_some(())
-}
-
-/// Returns the bytes after a text, which has its length in four bytes before it.
-fn after_text(bytes: &[u8]) -> Option<&[u8]> {
-    let (length, rest) = bytes.split_first_chunk()?;
-    rest.get(u32::from_le_bytes(*length) as usize..)
 }

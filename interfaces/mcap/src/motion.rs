@@ -3,26 +3,30 @@
 //! Reads: `geometry_msgs/PoseStamped`, `TwistStamped` and `tf2_msgs/TFMessage` in CDR, poses in JSON.
 //! Contract (rules of resampling): a knot per pose message, at its time. The motion of a body is cubic if every pose has a
 //! twist of the same time, otherwise linear. Nothing is extrapolated: a motion covers the time that the messages of all
-//! mapped bodies have in common.
+//! mapped bodies have in common. A single pose and a static transform hold for all times.
 
 mod assignment;
 mod coverage;
 mod frames;
 mod json_pose;
+mod series;
 mod track;
+mod values;
 
 pub use assignment::TopicMap;
 
 use crate::chunk::MAX_CHUNK_BYTES;
 use crate::error::{Error, Result};
 use crate::messages::{McapMessage, MessageReader, Truncation};
+use crate::other_format::describe_message;
 use assignment::{Assignment, ChannelUse, list_names};
 use ballast::component::MotionInput;
-use ballast_protocol::messages::{PoseStamped, TFMessage, TwistStamped};
+use ballast_protocol::messages::{PoseStamped, TFMessage, TransformStamped, TwistStamped, Vector3};
 use ballast_protocol::{MessageError, from_cdr, messages};
+use series::Sample;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
-use track::PoseTrack;
+use track::{PoseTrack, TrackMotion};
 
 /// Source of the time of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -109,6 +113,7 @@ struct PoseCollector {
     frames: BTreeSet<String>,
     poses: BTreeMap<String, PoseTrack>,
     transforms: BTreeMap<String, PoseTrack>,
+    static_transforms: BTreeMap<String, PoseTrack>,
     /// Topic of the poses and of the twists of each body.
     sources: BTreeMap<(&'static str, String), String>,
     /// Memory of all these, bytes.
@@ -123,66 +128,66 @@ impl PoseCollector {
         clock: TimeSource,
     ) -> std::result::Result<(), MessageError> {
         let at = |stamp: Option<i64>| match (clock, stamp) {
-            (TimeSource::Stamp, Some(ns)) => u64::try_from(ns)
-                .map_err(|_| MessageError::new("header.stamp", "a time from 0 on", ns)),
+            (TimeSource::Stamp, Some(ns)) => u64::try_from(ns).map_err(|_| {
+                let found = format!("{ns}; use the times of recording with --time log");
+                MessageError::new("header.stamp", "a time from 0 ns on", found)
+            }),
             _ => Ok(message.log_time),
         };
-        let mut more = track::insert_name(&mut self.topics, &message.channel.topic);
-        match assignment.source(&message.channel)? {
+        let topic = &message.channel.topic;
+        let log_ns = message.log_time;
+        let mut more = track::insert_name(&mut self.topics, topic);
+        let channel_use = assignment.source(&message.channel)?;
+        if let Some(found) = describe_message(&message.data).filter(|_| channel_use.has_motion()) {
+            return Err(MessageError::new("message", "one without compression", found));
+        }
+        match channel_use {
             ChannelUse::Other => {}
             ChannelUse::Pose(body) => {
-                self.check_single_source(assignment, "poses", body, &message.channel.topic)?;
+                self.check_single_source(assignment, "poses", body, topic)?;
                 let stamped: PoseStamped = from_cdr(&message.data)?;
-                let time = at(Some(stamp_ns(stamped.header.stamp)?))?;
-                more += self.track(body).pose(time, stamped.pose, &stamped.header.frame_id);
+                let time_ns = at(Some(stamp_ns(stamped.header.stamp)?))?;
+                values::check_pose(["pose.position", "pose.orientation"], &stamped.pose)?;
+                let pose = Sample { time_ns, log_ns, value: stamped.pose };
+                more += self.track(body).poses.push(topic, &stamped.header.frame_id, pose);
             }
             ChannelUse::Twist(body) => {
-                self.check_single_source(assignment, "twists", body, &message.channel.topic)?;
+                self.check_single_source(assignment, "twists", body, topic)?;
                 let stamped: TwistStamped = from_cdr(&message.data)?;
-                let time = at(Some(stamp_ns(stamped.header.stamp)?))?;
-                more += self.track(body).twist(time, stamped.twist, &stamped.header.frame_id);
+                let time_ns = at(Some(stamp_ns(stamped.header.stamp)?))?;
+                values::check_twist(&stamped.twist)?;
+                let twist = Sample { time_ns, log_ns, value: stamped.twist };
+                more += self.track(body).twists.push(topic, &stamped.header.frame_id, twist);
             }
             ChannelUse::Json(body) => {
-                self.check_single_source(assignment, "poses", body, &message.channel.topic)?;
+                self.check_single_source(assignment, "poses", body, topic)?;
                 let read = json_pose::read(&message.data)?;
-                let time = at(read.stamp_ns)?;
-                more += self.track(body).pose(time, read.pose, &read.frame);
-                if let Some(twist) = read.twist {
-                    more += self.track(body).twist(time, twist, &read.frame);
+                let time_ns = at(read.stamp_ns)?;
+                values::check_pose(["position", "orientation"], &read.pose)?;
+                let pose = Sample { time_ns, log_ns, value: read.pose };
+                more += self.track(body).poses.push(topic, &read.frame, pose);
+                if let Some(value) = read.twist {
+                    values::check_twist(&value)?;
+                    let twist = Sample { time_ns, log_ns, value };
+                    more += self.track(body).twists.push(topic, &read.frame, twist);
                 }
             }
             ChannelUse::Transforms => {
                 let tf: TFMessage = from_cdr(&message.data)?;
                 for transform in tf.transforms {
-                    let frame = transform.child_frame_id;
-                    let topic = &message.channel.topic;
-                    if let Some(body) = assignment.body_of_frame(topic, &frame) {
-                        self.check_single_source(
-                            assignment,
-                            "poses",
-                            body,
-                            &format!("{topic}:{frame}"),
-                        )?;
-                        let time = at(Some(stamp_ns(transform.header.stamp)?))?;
-                        let pose = messages::Pose {
-                            position: messages::Point {
-                                x: transform.transform.translation.x,
-                                y: transform.transform.translation.y,
-                                z: transform.transform.translation.z,
-                            },
-                            orientation: transform.transform.rotation,
-                        };
-                        let parent = &transform.header.frame_id;
-                        let track = self.transforms.entry(body.into()).or_default();
-                        more += track.pose(time, pose, parent);
+                    let frame = &transform.child_frame_id;
+                    let source = format!("{topic}:{frame}");
+                    if let Some(body) = assignment.body_of_frame(topic, frame) {
+                        self.check_single_source(assignment, "poses", body, &source)?;
+                        let time = || at(Some(stamp_ns(transform.header.stamp)?));
+                        more += self.take_transform(body, &source, &transform, log_ns, time)?;
                     }
-                    more += track::insert_name(&mut self.frames, &format!("{topic}:{frame}"));
+                    more += track::insert_name(&mut self.frames, &source);
                 }
             }
             ChannelUse::Frames => {
                 // These transforms move nothing, so an invalid one does no harm.
                 let tf = from_cdr::<TFMessage>(&message.data).unwrap_or_default();
-                let topic = &message.channel.topic;
                 for transform in tf.transforms {
                     let frame = format!("{topic}:{}", transform.child_frame_id);
                     more += track::insert_name(&mut self.frames, &frame);
@@ -190,6 +195,40 @@ impl PoseCollector {
             }
         }
         self.hold(more)
+    }
+
+    /// Adds a transform from `source` to the motion of a body; returns the additional memory in bytes. The stamp of a static
+    /// transform has no meaning.
+    fn take_transform(
+        &mut self,
+        body: &str,
+        source: &str,
+        transform: &TransformStamped,
+        log_ns: u64,
+        time: impl Fn() -> std::result::Result<u64, MessageError>,
+    ) -> std::result::Result<usize, MessageError> {
+        let Vector3 { x, y, z } = transform.transform.translation;
+        let orientation = transform.transform.rotation;
+        let value = messages::Pose { position: messages::Point { x, y, z }, orientation };
+        let names = ["translation", "rotation"]
+            .map(|part| format!("transform of {:?}, {part}", transform.child_frame_id));
+        values::check_pose([&names[0], &names[1]], &value)?;
+        let parent = &transform.header.frame_id;
+        if !assignment::is_static(source) {
+            let track = self.transforms.entry(body.into()).or_default();
+            return Ok(track.poses.push(
+                source,
+                parent,
+                Sample { time_ns: time()?, log_ns, value },
+            ));
+        }
+        let track = self.static_transforms.entry(body.into()).or_default();
+        if track.poses.samples.first().is_some_and(|first| first.value != value) {
+            let place = format!("transform of {:?}", transform.child_frame_id);
+            let found = "two that differ; leave one out";
+            return Err(MessageError::new(place, "one static transform of a frame", found));
+        }
+        Ok(track.poses.push(source, parent, Sample { time_ns: 0, log_ns: 0, value }))
     }
 
     /// Counts `more` bytes of memory, which is limited to that of a chunk.
@@ -227,17 +266,17 @@ impl PoseCollector {
         self.poses.entry(body.into()).or_default()
     }
 
-    /// Returns one track per body; its own topic takes precedence over transforms.
+    /// Returns one track per body; its own topic takes precedence over transforms, and these over static ones.
     fn tracks(self) -> BTreeMap<String, PoseTrack> {
-        let mut tracks = self.transforms;
-        for (body, mut track) in self.poses {
-            if track.has_poses() {
+        let mut tracks = self.static_transforms;
+        tracks.extend(self.transforms);
+        for (body, track) in self.poses {
+            if !track.poses.samples.is_empty() {
                 tracks.insert(body, track);
             } else if let Some(transforms) = tracks.get_mut(&body) {
-                transforms.take_twists(&mut track);
+                transforms.twists = track.twists;
             }
         }
-        tracks.retain(|_, track| track.has_poses());
         tracks
     }
 }
@@ -249,40 +288,39 @@ fn join(
     begin_ns: u64,
     lost: Option<Truncation>,
 ) -> Result<RecordedMotion> {
-    let mut waveforms = Vec::new();
-    let mut notes = frames::notes(&tracks);
+    let (mut waveforms, mut still) = (Vec::new(), Vec::new());
+    let (mut notes, mut warnings) = (frames::notes(&tracks), Vec::new());
     let (mut contradicted, mut worst) = (Vec::new(), 0.0_f64);
     for (body, track) in tracks {
-        let (waveform, note) = track.waveform().map_err(|e| {
-            Error::damaged(path, format!("poses of {body:?}, {}", e.place), e.expected, e.found)
-        })?;
-        notes.push(format!("{body}: {note}"));
+        let motion = track.motion(&body);
+        let motion = motion.map_err(|e| Error::damaged(path, e.place, e.expected, e.found))?;
+        let TrackMotion { waveform, notes: more, warnings: doubts } = motion;
+        notes.extend(more);
+        warnings.extend(doubts);
         if let Some(share) = track::contradiction(&waveform) {
             contradicted.push(body.clone());
             worst = share.max(worst);
         }
-        waveforms.push((body, waveform));
+        match waveform.knots.len() {
+            1 => still.push((body, waveform)),
+            _ => waveforms.push((body, waveform)),
+        }
     }
-    let ends = |pick: fn(&ballast::component::Waveform) -> Option<u64>| {
-        waveforms.iter().filter_map(move |(_, w)| pick(w))
-    };
-    let start = ends(|w| w.knots.first().map(|k| k.time_ns)).max().unwrap_or_default();
-    let end = ends(|w| w.knots.last().map(|k| k.time_ns)).min().unwrap_or_default();
-    if start > end {
-        let expected = "a time with poses of all bodies";
-        let found = format!("the last to begin at {start} ns, the first to end at {end} ns");
-        return Err(Error::unsuitable(path, "times", expected, found));
-    }
-    let warnings = (!contradicted.is_empty()).then(|| {
-        format!(
+    let [start, end] = coverage::common_time(path, &waveforms)?;
+    coverage::check_gaps(path, &waveforms, [start, end])?;
+    if !contradicted.is_empty() {
+        warnings.push(format!(
             "twists of {}: expected velocities (m/s, in the axes of the bed) that lead from pose to pose, found some \
              that miss up to {:.0} % of the displacement; they are used nevertheless. In a file without twists, motions \
              between poses are linear",
             contradicted.join(", "),
             100.0 * worst
-        )
-    });
+        ));
+    }
     notes.extend(coverage::notes(&waveforms, [start, end]));
+    still.iter_mut().for_each(|(_, waveform)| track::hold(waveform, [start, end]));
+    waveforms.append(&mut still);
+    waveforms.sort_by(|(a, _), (b, _)| a.cmp(b));
     let inputs = waveforms.into_iter().map(|(body, waveform)| MotionInput {
         body,
         waveform: track::cut(waveform, start, begin_ns),
@@ -294,7 +332,7 @@ fn join(
         start_ns: begin_ns,
         end_ns,
         notes,
-        warnings: Vec::from_iter(warnings),
+        warnings,
         truncation: lost,
     })
 }

@@ -3,7 +3,7 @@
 use crate::chunk::MAX_CHUNK_BYTES;
 use crate::error::{Error, Result};
 use crate::messages::{McapMessage, MessageReader, Truncation};
-use crate::metadata::{METADATA_NAME, RecordingMetadata, START_ATTACHMENT};
+use crate::metadata::RecordingMetadata;
 use crate::summary_section;
 use crate::window::{PARAMETERS, STEP};
 use ballast_protocol::from_cdr;
@@ -46,7 +46,7 @@ pub struct WindowReader {
 pub fn is_recording(path: &Path) -> Result<bool> {
     let mut messages = MessageReader::open(path)?;
     messages.read_to_first()?;
-    Ok(messages.metadata(METADATA_NAME).is_some())
+    Ok(messages.metadata().is_some())
 }
 
 impl WindowReader {
@@ -57,7 +57,7 @@ impl WindowReader {
     pub fn open(path: &Path) -> Result<Self> {
         let mut messages = MessageReader::open(path)?;
         messages.read_to_first()?;
-        let Some(entries) = messages.metadata(METADATA_NAME) else {
+        let Some(entries) = messages.metadata() else {
             let expected = "a recording of Ballast";
             return Err(Error::unsuitable(path, "metadata", expected, "none"));
         };
@@ -79,7 +79,7 @@ impl WindowReader {
 
     /// Checkpoint at which the recording starts; `None` if it starts with the case.
     pub fn start(&self) -> Option<&[u8]> {
-        self.messages.attachment(START_ATTACHMENT)
+        self.messages.start()
     }
 
     /// Path of the file.

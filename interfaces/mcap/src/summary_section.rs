@@ -4,14 +4,13 @@
 //! "Footer" and "Statistics" (mcap.dev/spec). The library's reader of summaries is not used, because it allocates
 //! whatever the lengths in a file claim.
 
+use crate::record::RECORD_HEAD;
 use mcap::MAGIC;
 use mcap::records::op;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Size of kind and length, which precede every record, bytes.
-const RECORD_HEAD: usize = 9;
 /// Size of the content of a footer record, bytes.
 const FOOTER: usize = 20;
 /// Size of a statistics record up to the time of the last message, bytes.

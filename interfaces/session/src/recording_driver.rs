@@ -180,7 +180,9 @@ impl RecordingDriver {
         let lost = self.lost().map_or(String::new(), |lost| format!("; {lost}"));
         let expected =
             format!("motions from {:.9} s on for a step of {h} s at least", seconds(now_ns));
-        self.failure(format!("expected {expected}, found {end}{lost}"))
+        let is_still = matches!(&self.script, Script::Motion { motion, .. } if motion.start_ns == motion.end_ns);
+        let advice = if is_still { "; a body needs two poses to move" } else { "" };
+        self.failure(format!("expected {expected}, found {end}{lost}{advice}"))
     }
 
     /// Returns a hint for a refused first step.

@@ -400,7 +400,51 @@ fn poses_of_any_file_move_a_body() {
     rising(&place, start, 0, 0.0);
     let said = replay(&place, &format!("rising.mcap {map} --out up")).with_code(1).stderr();
     assert!(said.contains("rising.mcap: expected motions"), "{said}");
+    assert!(said.contains("a body needs two poses to move"), "{said}");
     assert_eq!(place.hash("up"), hash);
+}
+
+#[test]
+fn poses_with_impossible_stamps_begin_no_run() {
+    let place = Place::new();
+    place.run("--out run --steps 2 --record run.mcap").with_code(0);
+    let mut messages = MessageReader::open(&place.path("run.mcap")).unwrap();
+    let mut writer = McapWriter::create(&place.path("stamps.mcap"), None).unwrap();
+    let now = 1_700_000_000_000_000_000;
+    while let Some(message) = messages.next().unwrap() {
+        let topic = &message.channel.topic;
+        if message.log_time > 0 || !topic.starts_with("/tine") || !topic.ends_with("/pose") {
+            continue;
+        }
+        let mut pose: PoseStamped = from_cdr(&message.data).unwrap();
+        for i in 0..=20 {
+            // The first stamp is not set.
+            let time = now + i * 1_000_000;
+            pose.header = Header::world(if i == 0 { 0 } else { time });
+            writer.write(&TopicMessage::of(&topic[..], time, &pose).unwrap()).unwrap();
+        }
+    }
+    writer.finish().unwrap();
+    let call = "replay stamps.mcap --case tiny.toml --bed-cache unpoured --out out";
+    let said = place.call(call).with_code(1).stderr();
+    assert!(
+        said.contains("/pose at 1700000000001000000 ns, stamp: expected at most 600 s"),
+        "{said}"
+    );
+    assert!(said.contains("--time log") && !place.path("unpoured").exists(), "{said}");
+    replay(&place, "stamps.mcap --time log --out log").with_code(0);
+    assert_eq!(place.summary("log")["steps"], 20);
+    // A folder of rosbag2 has files that can be replayed.
+    std::fs::create_dir(place.path("bag")).unwrap();
+    std::fs::rename(place.path("stamps.mcap"), place.path("bag/bag_0.mcap")).unwrap();
+    for command in ["replay", "verify"] {
+        let call = format!("{command} bag --case tiny.toml");
+        let said = place.with_beds(&call).with_code(1).stderr();
+        assert!(
+            said.contains("bag: recording: expected a file, found a folder; use bag_0.mcap"),
+            "{said}"
+        );
+    }
 }
 
 #[test]

@@ -47,6 +47,19 @@ pub(super) enum ChannelUse<'a> {
     Frames,
 }
 
+impl ChannelUse<'_> {
+    /// True if messages of the channel move bodies.
+    pub fn has_motion(&self) -> bool {
+        !matches!(self, Self::Other | Self::Frames)
+    }
+}
+
+/// True if a topic, or a frame of it, has static transforms.
+pub(super) fn is_static(source: &str) -> bool {
+    let topic = source.split(':').next().unwrap_or_default();
+    topic.rsplit('/').next() == Some("tf_static")
+}
+
 pub(super) struct Assignment {
     maps: Vec<TopicMap>,
     /// True if the caller gave no maps.
@@ -65,8 +78,9 @@ impl Assignment {
         }
         let default = |body: &String| {
             let topic = format!("/{}/pose", topic_part(body));
-            let pose = TopicMap { topic, frame: None, body: body.clone() };
-            [pose, TopicMap { topic: "/tf".into(), frame: Some(body.clone()), body: body.clone() }]
+            let map = |topic: String, frame| TopicMap { topic, frame, body: body.clone() };
+            let frame = |topic: &str| map(topic.into(), Some(body.clone()));
+            [map(topic, None), frame("/tf"), frame("/tf_static")]
         };
         Ok(Self { maps: bodies.iter().flat_map(default).collect(), by_default: true })
     }
@@ -93,7 +107,8 @@ impl Assignment {
                 _ => {
                     let expected = "geometry_msgs/PoseStamped, TwistStamped or tf2_msgs/TFMessage in \
                                     CDR, or JSON";
-                    let found = format!("{:?} in {encoding:?}", channel.schema);
+                    let found =
+                        format!("{:?} in {encoding:?}; convert it to one of these", channel.schema);
                     return Err(MessageError::new("type", expected, found));
                 }
             };

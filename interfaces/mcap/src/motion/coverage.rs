@@ -1,9 +1,60 @@
-//! Notes about the time that a motion covers, and about gaps.
+//! Time that a motion covers, and its gaps.
 
+use crate::error::{Error, Result};
 use ballast::component::Waveform;
+use std::path::Path;
 
 /// Ratio to the usual interval of poses above which an interval is a gap.
 const GAP_RATIO: u64 = 10;
+/// Maximum time without a pose, ns. Nothing is known of the motion within a longer one.
+pub(super) const MAX_GAP_NS: u64 = 600_000_000_000;
+
+/// Returns the maximum time without a pose for a message.
+pub(super) fn gap_limit() -> String {
+    format!("at most {} s", MAX_GAP_NS / 1_000_000_000)
+}
+
+/// Returns start and end of the common time of all bodies, ns of the file; zeros without bodies.
+///
+/// # Errors
+/// Bodies without a common time.
+pub(super) fn common_time(path: &Path, waveforms: &[(String, Waveform)]) -> Result<[u64; 2]> {
+    let firsts = waveforms.iter().filter_map(|(body, w)| Some((w.knots.first()?.time_ns, body)));
+    let lasts = waveforms.iter().filter_map(|(body, w)| Some((w.knots.last()?.time_ns, body)));
+    let (Some((start, late)), Some((end, early))) = (firsts.max(), lasts.min()) else {
+        return Ok([0, 0]);
+    };
+    if start <= end {
+        return Ok([start, end]);
+    }
+    let found = format!(
+        "{late:?} from {start} ns on, and {early:?} up to {end} ns; if these are stamps of different clocks, use the times \
+         of recording with --time log"
+    );
+    Err(Error::unsuitable(path, "times", "a time with poses of all bodies", found))
+}
+
+/// Refuses gaps above [`MAX_GAP_NS`] within the common time `start` to `end` (ns of the file) of all bodies.
+pub(super) fn check_gaps(
+    path: &Path,
+    waveforms: &[(String, Waveform)],
+    [start, end]: [u64; 2],
+) -> Result<()> {
+    for (body, waveform) in waveforms {
+        let pairs = waveform.knots.windows(2).map(|pair| [pair[0].time_ns, pair[1].time_ns]);
+        let mut gaps =
+            pairs.filter(|[a, b]| b.min(&end).saturating_sub(*a.max(&start)) > MAX_GAP_NS);
+        if let Some(gap) = gaps.next() {
+            let [from, to] = gap.map(seconds);
+            let expected = format!("{} from pose to pose", gap_limit());
+            let found = format!(
+                "none from {from} to {to} s of the file; leave out the poses before or after, for example with `mcap filter`"
+            );
+            return Err(Error::unsuitable(path, format!("poses of {body:?}"), expected, found));
+        }
+    }
+    Ok(())
+}
 
 /// Returns notes about the common time `start` to `end` (ns of the file) of all bodies.
 pub(super) fn notes(waveforms: &[(String, Waveform)], [start, end]: [u64; 2]) -> Vec<String> {
@@ -56,10 +107,14 @@ fn gap(body: &str, waveform: &Waveform, [start, end]: [u64; 2]) -> Option<String
 
 /// Returns the median interval of poses, ns; `None` for a single pose.
 fn median_interval(waveform: &Waveform) -> Option<u64> {
-    let pairs = waveform.knots.windows(2);
-    let mut distances: Vec<u64> = pairs.map(|pair| pair[1].time_ns - pair[0].time_ns).collect();
-    distances.sort_unstable();
-    distances.get(distances.len() / 2).copied()
+    median(waveform.knots.windows(2).map(|pair| pair[1].time_ns - pair[0].time_ns))
+}
+
+/// Returns the median of some intervals, ns; `None` if there are none.
+pub(super) fn median(intervals: impl Iterator<Item = u64>) -> Option<u64> {
+    let mut intervals: Vec<u64> = intervals.collect();
+    intervals.sort_unstable();
+    intervals.get(intervals.len() / 2).copied()
 }
 
 /// Formats a time in seconds to the ns, without trailing zeros: times of a file may count from 1970.

@@ -28,7 +28,7 @@ pub(super) fn check_fixed(
     let placed: BTreeMap<&str, &str> =
         placed.iter().filter_map(|f| f.split_once(':')).map(|(t, f)| (plain(f), t)).collect();
     for (body, track) in tracks {
-        for frame in track.pose_frames.iter().filter(|frame| !is_bed_frame(frame)) {
+        for frame in track.poses.frames.iter().filter(|frame| !is_bed_frame(frame)) {
             let Some(topic) = placed.get(plain(frame)) else { continue };
             let expected = "some in the frame of the bed, because transforms are not composed (docs/src/guide/recordings.md \
                             explains the conversion)";
@@ -43,11 +43,11 @@ pub(super) fn check_fixed(
 pub(super) fn notes(tracks: &BTreeMap<String, PoseTrack>) -> Vec<String> {
     let mut bodies_by_frame: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
     for (body, track) in tracks {
-        for frame in track.pose_frames.iter().filter(|frame| !is_bed_frame(frame)) {
+        for frame in track.poses.frames.iter().filter(|frame| !is_bed_frame(frame)) {
             bodies_by_frame.entry(("poses", frame)).or_default().push(body);
         }
         // Twists in the frame of the poses need no separate note.
-        let others = track.twist_frames.difference(&track.pose_frames);
+        let others = track.twists.frames.difference(&track.poses.frames);
         for frame in others.filter(|frame| !is_bed_frame(frame)) {
             bodies_by_frame.entry(("twists", frame)).or_default().push(body);
         }

@@ -1,5 +1,6 @@
 //! Poses in JSON, in their usual forms.
 
+use super::values::LEAVE_OUT;
 use ballast_protocol::MessageError;
 use ballast_protocol::messages::{Point, Pose, Quaternion, Twist, Vector3};
 use serde_json::Value;
@@ -20,8 +21,13 @@ pub(super) struct JsonPose {
 /// Optional keys are `twist: {linear, angular}`, the time as `time_ns`, `header.stamp` or `timestamp`
 /// (`sec` and `nanosec` or `nsec`), and the frame as `header.frame_id` or `frame_id`.
 pub(super) fn read(text: &[u8]) -> Result<JsonPose, MessageError> {
-    let value: Value =
-        serde_json::from_slice(text).map_err(|e| MessageError::new("message", "JSON", e))?;
+    let value: Value = serde_json::from_slice(text).map_err(|e| {
+        let found = match text.windows(3).any(|word| word == b"NaN") {
+            true => "NaN, which JSON does not have".into(),
+            false => format!("another text ({e})"),
+        };
+        MessageError::new("message", "JSON", format!("{found}; {LEAVE_OUT}"))
+    })?;
     let pose = value.get("pose").unwrap_or(&value);
     let pose = pose.get("pose").unwrap_or(pose);
     let [x, y, z] = triple(pose, "position")?;
@@ -54,7 +60,7 @@ fn number(value: &Value, field: &str, axis: &str) -> Result<f64, MessageError> {
     let found = value.get(field).and_then(|v| v.get(axis));
     found.and_then(Value::as_f64).ok_or_else(|| {
         let found = found.map_or("nothing".into(), Value::to_string);
-        MessageError::new(format!("{field}.{axis}"), "a number", found)
+        MessageError::new(format!("{field}.{axis}"), "a number", format!("{found}; {LEAVE_OUT}"))
     })
 }
 

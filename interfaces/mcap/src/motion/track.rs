@@ -1,15 +1,12 @@
 //! Conversion of poses and twists at times to a waveform.
 
+use super::series::{Sample, Series};
+use super::values;
 use ballast::component::{Interpolation, Knot, Waveform};
-use ballast::math::Quat;
+use ballast::math::Vec3;
 use ballast_protocol::MessageError;
-use ballast_protocol::messages::{Pose, Quaternion, Twist};
-use std::collections::{BTreeMap, BTreeSet};
-
-/// Maximum deviation of the norm of a recorded quaternion from 1; the quaternion is then normalised.
-const MAX_NORM_ERROR: f64 = 1e-3;
-/// Maximum deviation from 1 at which a quaternion is not normalised, so that exact recordings stay exact.
-const EXACT_NORM_ERROR: f64 = 1e-9;
+use ballast_protocol::messages::{Pose, Twist};
+use std::collections::BTreeSet;
 
 /// Maximum ratio of the difference between twists and poses to the displacement. Twists of a vibration that is sampled
 /// three times a period reach 0.45, those in another unit or frame 1 and more.
@@ -17,89 +14,76 @@ const MAX_CONTRADICTION: f64 = 0.6;
 /// Minimum displacement for a comparison with twists, m.
 const MIN_DISPLACEMENT: f64 = 1e-3;
 
-/// Poses and twists of one body, in the order of the file. Adding returns the additional memory in bytes.
+/// Poses and twists of one body.
 #[derive(Debug, Clone, Default)]
 pub(super) struct PoseTrack {
-    poses: Vec<(u64, Pose)>,
-    twists: BTreeMap<u64, Twist>,
-    /// A time with two different twists.
-    two_twists_at: Option<u64>,
-    /// Frames of the poses.
-    pub pose_frames: BTreeSet<String>,
-    /// Frames of the twists.
-    pub twist_frames: BTreeSet<String>,
+    pub poses: Series<Pose>,
+    pub twists: Series<Twist>,
+}
+
+/// Motion of one body, with messages for the user.
+pub(super) struct TrackMotion {
+    pub waveform: Waveform,
+    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
 }
 
 impl PoseTrack {
-    pub fn pose(&mut self, time_ns: u64, pose: Pose, frame: &str) -> usize {
-        let more = insert_name(&mut self.pose_frames, frame);
-        // Repetitions are skipped: a small file may have any number of them.
-        if self.poses.last() == Some(&(time_ns, pose)) {
-            return more;
-        }
-        self.poses.push((time_ns, pose));
-        more + size_of::<(u64, Pose)>()
-    }
-
-    pub fn twist(&mut self, time_ns: u64, twist: Twist, frame: &str) -> usize {
-        let more = insert_name(&mut self.twist_frames, frame);
-        match self.twists.insert(time_ns, twist) {
-            None => return more + size_of::<(u64, Twist)>(),
-            Some(other) if other != twist => {
-                self.two_twists_at.get_or_insert(time_ns);
-            }
-            Some(_) => {}
-        }
-        more
-    }
-
-    pub fn has_poses(&self) -> bool {
-        !self.poses.is_empty()
-    }
-
-    pub fn take_twists(&mut self, other: &mut PoseTrack) {
-        self.twists.append(&mut other.twists);
-        self.twist_frames.append(&mut other.twist_frames);
-        self.two_twists_at = self.two_twists_at.or(other.two_twists_at);
-    }
-
-    /// Returns the waveform with the times of the file, and a note about its interpolation.
-    pub fn waveform(mut self) -> Result<(Waveform, String), MessageError> {
-        // Files may hold messages in the order of their arrival.
-        self.poses.sort_by_key(|(time, _)| *time);
-        self.poses.dedup();
-        if let Some(pair) = self.poses.windows(2).find(|pair| pair[0].0 == pair[1].0) {
-            let (place, expected) = (format!("{} ns", pair[0].0), "one pose at a time");
-            let found = "two; use --time log if the stamps are not the time";
-            return Err(MessageError::new(place, expected, found));
-        }
-        if let Some(time) = self.two_twists_at {
-            return Err(MessageError::new(format!("{time} ns"), "one twist at a time", "two"));
-        }
-        let cubic = self.poses.iter().all(|(time, _)| self.twists.contains_key(time));
-        let knot = |(time, pose): &(u64, Pose)| {
-            let twist = self.twists.get(time).filter(|_| cubic).copied().unwrap_or_default();
-            Ok(Knot {
-                time_ns: *time,
+    /// Returns the motion with the times of the file, and notes about its interpolation.
+    pub fn motion(mut self, body: &str) -> Result<TrackMotion, MessageError> {
+        let mut warnings = self.poses.sort()?;
+        warnings.extend(self.twists.sort()?);
+        let (poses, twists) = (&self.poses.samples, &self.twists.samples);
+        let twist_at = |time: u64| twists.binary_search_by_key(&time, |twist| twist.time_ns).ok();
+        let cubic = poses.iter().all(|pose| twist_at(pose.time_ns).is_some());
+        let knot = |pose: &Sample<Pose>| {
+            let twist = twist_at(pose.time_ns).filter(|_| cubic);
+            let twist = twist.map(|i| twists[i].value).unwrap_or_default();
+            Knot {
+                time_ns: pose.time_ns,
                 pose: ballast::math::Pose {
-                    position: pose.position.into(),
-                    orientation: unit(*time, pose.orientation)?,
+                    position: pose.value.position.into(),
+                    orientation: values::unit(&pose.value.orientation),
                 },
                 velocity: twist.linear.into(),
                 angular_velocity: twist.angular.into(),
-            })
+            }
         };
-        let knots = self.poses.iter().map(knot).collect::<Result<Vec<Knot>, MessageError>>()?;
-        let (interpolation, reason) = match (cubic, self.twists.is_empty()) {
+        let knots: Vec<Knot> = poses.iter().map(knot).collect();
+        let (interpolation, reason) = match (cubic, twists.is_empty()) {
             (true, _) => (Interpolation::Hermite, "cubic, by poses and twists"),
             (false, true) => (Interpolation::Linear, "linear, there are no twists"),
             (false, false) => {
                 (Interpolation::Linear, "linear, some poses have no twist of the same time")
             }
         };
-        let note = format!("{} poses, {reason}", knots.len());
-        Ok((Waveform { interpolation, knots }, note))
+        let source = &self.poses.source;
+        let mut notes = vec![match knots.len() {
+            1 => format!("{body}: one pose ({source}), which holds for all times"),
+            count => format!("{body}: {count} poses, {reason}"),
+        }];
+        let errors = poses.iter().map(|pose| values::length(&pose.value.orientation) - 1.0);
+        let errors: Vec<f64> =
+            errors.filter(|e| e.abs() > values::MIN_NOTED_LENGTH_ERROR).collect();
+        if let Some(worst) = errors.iter().copied().max_by(|a, b| a.abs().total_cmp(&b.abs())) {
+            notes.push(format!(
+                "{body}: {} quaternions of {source} are normalised; their length differs from 1, at most as {:.6}",
+                errors.len(),
+                1.0 + worst
+            ));
+        }
+        Ok(TrackMotion { waveform: Waveform { interpolation, knots }, notes, warnings })
     }
+}
+
+/// Makes the only pose of a waveform hold from `start` to `end`.
+pub(super) fn hold(waveform: &mut Waveform, [start, end]: [u64; 2]) {
+    let Some(pose) = waveform.knots.first().map(|knot| knot.pose) else { return };
+    let still =
+        |time_ns| Knot { time_ns, pose, velocity: Vec3::zeros(), angular_velocity: Vec3::zeros() };
+    waveform.interpolation = Interpolation::Linear;
+    waveform.knots = vec![still(start), still(end)];
+    waveform.knots.dedup();
 }
 
 /// Returns the ratio of the difference between twists and poses of a cubic motion to its displacement, if it is too large.
@@ -127,19 +111,6 @@ pub(super) fn insert_name(names: &mut BTreeSet<String>, name: &str) -> usize {
     }
     names.insert(name.into());
     size_of::<String>() + name.len()
-}
-
-fn unit(time_ns: u64, q: Quaternion) -> Result<Quat, MessageError> {
-    let plain = nalgebra::Quaternion::new(q.w, q.x, q.y, q.z);
-    let off = (plain.norm() - 1.0).abs();
-    if off <= EXACT_NORM_ERROR {
-        return Ok(Quat::new_unchecked(plain));
-    }
-    if off <= MAX_NORM_ERROR {
-        return Ok(Quat::new_normalize(plain));
-    }
-    let place = format!("orientation at {time_ns} ns");
-    Err(MessageError::new(place, "a unit quaternion (x, y, z, w)", format!("{q:?}")))
 }
 
 /// Returns the waveform from `start` on, shifted so that `start` becomes `begin`.
@@ -170,23 +141,27 @@ pub(super) fn cut(mut waveform: Waveform, start: u64, begin: u64) -> Waveform {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use ballast::math::Quat;
 
     #[test]
     fn two_different_twists_at_a_time_are_refused() {
-        let track = |speeds: [f64; 2]| {
+        let motion = |speeds: [f64; 2]| {
             let mut track = PoseTrack::default();
-            for speed in speeds {
-                let mut twist = Twist::default();
-                twist.linear.x = speed;
-                track.pose(5, Pose::default(), "");
-                track.twist(5, twist, "");
+            for x in speeds {
+                let mut value = Twist::default();
+                value.linear.x = x;
+                let pose = Pose::default();
+                track.poses.push("/a", "", Sample { time_ns: 5, log_ns: 5, value: pose });
+                track.twists.push("/b", "", Sample { time_ns: 5, log_ns: 5, value });
             }
-            track.waveform()
+            track.motion("a")
         };
-        let refused = track([1.0, 2.0]).unwrap_err().to_string();
-        assert_eq!(refused, "5 ns: expected one twist at a time, found two");
-        let same = track([1.0, 1.0]);
-        assert!(same.is_ok_and(|(waveform, _)| waveform.knots.len() == 1));
+        let refused = motion([1.0, 2.0]).err().unwrap().to_string();
+        assert!(
+            refused.starts_with("/b, 5 ns: expected one message at a time, found two"),
+            "{refused}"
+        );
+        assert!(motion([1.0, 1.0]).is_ok_and(|motion| motion.waveform.knots.len() == 1));
     }
 
     #[test]
