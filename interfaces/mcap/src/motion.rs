@@ -210,25 +210,22 @@ impl PoseCollector {
         let Vector3 { x, y, z } = transform.transform.translation;
         let orientation = transform.transform.rotation;
         let value = messages::Pose { position: messages::Point { x, y, z }, orientation };
-        let names = ["translation", "rotation"]
-            .map(|part| format!("transform of {:?}, {part}", transform.child_frame_id));
-        values::check_pose([&names[0], &names[1]], &value)?;
-        let parent = &transform.header.frame_id;
-        if !assignment::is_static(source) {
-            let track = self.transforms.entry(body.into()).or_default();
-            return Ok(track.poses.push(
-                source,
-                parent,
-                Sample { time_ns: time()?, log_ns, value },
-            ));
-        }
-        let track = self.static_transforms.entry(body.into()).or_default();
-        if track.poses.samples.first().is_some_and(|first| first.value != value) {
-            let place = format!("transform of {:?}", transform.child_frame_id);
+        let fault = |e: MessageError| {
+            let place = format!("transform of {:?}, {}", transform.child_frame_id, e.place);
+            MessageError { place, ..e }
+        };
+        values::check_pose(["translation", "rotation"], &value).map_err(fault)?;
+        let is_static = assignment::is_static(source);
+        let (tracks, time_ns, log_ns) = match is_static {
+            true => (&mut self.static_transforms, 0, 0),
+            false => (&mut self.transforms, time()?, log_ns),
+        };
+        let poses = &mut tracks.entry(body.into()).or_default().poses;
+        if is_static && poses.samples.first().is_some_and(|first| first.value != value) {
             let found = "two that differ; leave one out";
-            return Err(MessageError::new(place, "one static transform of a frame", found));
+            return Err(fault(MessageError::new("pose", "one for all times", found)));
         }
-        Ok(track.poses.push(source, parent, Sample { time_ns: 0, log_ns: 0, value }))
+        Ok(poses.push(source, &transform.header.frame_id, Sample { time_ns, log_ns, value }))
     }
 
     /// Counts `more` bytes of memory, which is limited to that of a chunk.

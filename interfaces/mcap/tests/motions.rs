@@ -198,7 +198,8 @@ fn a_single_pose_and_a_static_transform_hold_for_all_times() {
     let (_folder, path) = write(&[vec![first.clone(), again(1.0)], good(TINE)].concat());
     assert_eq!(read(&path, TimeSource::Stamp).unwrap().inputs.len(), 2);
     let (_folder, path) = write(&[vec![first.clone(), again(2.0)], good(TINE)].concat());
-    assert!(refusal(&path).contains("one static transform of a frame, found two that differ"));
+    let said = "transform of \"sleeper\", pose: expected one for all times, found two that differ";
+    assert!(refusal(&path).contains(said), "{}", refusal(&path));
     // A map names its frame; what moves on /tf is not static.
     let map = ["/tf_static:block=sleeper", "/tine/pose=tine"].map(|map| map.parse().unwrap());
     let block = transform("/tf_static", "block", 0, NOW, at(3.0));

@@ -19,7 +19,8 @@ pub(super) struct JsonPose {
 /// Parses `{pose: {position: {x, y, z}, orientation: {x, y, z, w}}}`, or the content of `pose` alone.
 ///
 /// Optional keys are `twist: {linear, angular}`, the time as `time_ns`, `header.stamp` or `timestamp`
-/// (`sec` and `nanosec` or `nsec`), and the frame as `header.frame_id` or `frame_id`.
+/// (`sec` and `nanosec` or `nsec`), and the frame as `header.frame_id` or `frame_id`. The twist of an odometry message,
+/// `twist.twist`, is not read, because it is in the axes of the moving frame.
 pub(super) fn read(text: &[u8]) -> Result<JsonPose, MessageError> {
     let value: Value = serde_json::from_slice(text).map_err(|e| {
         let found = match text.windows(3).any(|word| word == b"NaN") {
@@ -38,7 +39,7 @@ pub(super) fn read(text: &[u8]) -> Result<JsonPose, MessageError> {
         z: number(pose, turn, "z")?,
         w: number(pose, turn, "w")?,
     };
-    let twist = match value.get("twist") {
+    let twist = match value.get("twist").filter(|twist| twist.get("twist").is_none()) {
         Some(twist) => {
             let vector = |[x, y, z]: [f64; 3]| Vector3 { x, y, z };
             let (linear, angular) = (triple(twist, "linear")?, triple(twist, "angular")?);

@@ -387,6 +387,8 @@ fn json_poses_are_read_in_their_forms() {
     );
     let timed = read(&timed).unwrap();
     assert_eq!((timed.stamp_ns, timed.twist.unwrap().angular.z), (Some(7), 2.0));
+    let odometry = format!(r#"{{"pose": {{"pose": {pose}}}, "twist": {{"twist": {{}}}}}}"#);
+    assert_eq!(read(&odometry).unwrap(), plain);
     for (wrong, place) in [
         (pose.replace("\"y\": 2", "\"y\": null"), "position.y"),
         (pose.replace("\"w\"", "\"v\""), "orientation.w"),
