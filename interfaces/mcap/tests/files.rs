@@ -9,6 +9,7 @@ use ballast_protocol::from_cdr;
 use ballast_protocol::messages::{Header, PoseStamped};
 use mcap::records::op;
 use std::collections::BTreeMap;
+use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -230,6 +231,24 @@ fn a_changed_bit_of_kind_or_length_is_detected() {
             bytes[at] ^= 1 << bit;
             assert!(is_damaged(&broken, &bytes), "kind {}, {at}, {bit}", whole[begin]);
         }
+    }
+}
+
+#[test]
+fn a_recording_of_windows_may_have_a_long_attachment() {
+    let (_folder, path) = place("a.mcap");
+    write(&path, Some(&meta()));
+    let whole = std::fs::read(&path).unwrap();
+    let (name, length) = (b"video.mp4", 300_000_000_u64);
+    let start = [&[0; 16][..], &(name.len() as u32).to_le_bytes(), name].concat();
+    for at in records(&whole).into_iter().skip(1).filter(|at| whole[*at] == op::CHUNK).take(2) {
+        let mut file = std::fs::File::create(&path).unwrap();
+        let head = [&[op::ATTACHMENT][..], &length.to_le_bytes(), &start].concat();
+        file.write_all(&[&whole[..at], &head].concat()).unwrap();
+        file.seek(SeekFrom::Current((length - start.len() as u64) as i64)).unwrap();
+        file.write_all(&whole[at..]).unwrap();
+        assert_eq!(read(&path).unwrap(), (all_times(), None));
+        assert!(recording::is_recording(&path).unwrap());
     }
 }
 
