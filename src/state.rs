@@ -31,6 +31,7 @@ pub struct State {
     pub window: Arc<WindowMemory>,
     /// State of the driver that moves the driven bodies; not part of the state's hash.
     pub driver: Arc<DriverState>,
+    /// Energies since the start of the run.
     pub energy: EnergyLedger,
 }
 

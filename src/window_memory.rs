@@ -132,12 +132,13 @@ pub struct SqueezeRecord {
     pub number: u32,
     /// Time at which the pair was widest, ns; closings are counted from there.
     pub start_ns: u64,
-    /// End of the period since which the ballast resists by more than the touch threshold, or did so last, ns, and the closing
-    /// then, m.
+    /// End of the period since which the ballast resists by more than the touch threshold, or did so last, ns.
     pub onset_ns: Option<u64>,
+    /// Closing of a side at the onset, m.
     pub onset_closing: f64,
-    /// Largest mean force of a side over a period, N, and the closing at which it occurred, m.
+    /// Largest mean force of a side over a period, N.
     pub peak_force: f64,
+    /// Closing of a side at the peak force, m.
     pub peak_closing: f64,
     /// Largest force of a single step, N: peaks of the vibration included.
     pub peak_step_force: f64,

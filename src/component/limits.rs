@@ -3,10 +3,13 @@
 /// Limits of what a component accepts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
-    /// Maximum jumps between two windows: m, rad, m/s, rad/s.
+    /// Maximum jump of a reference point between two windows, m.
     pub join_distance: f64,
+    /// Maximum jump of an orientation between two windows, rad.
     pub join_angle: f64,
+    /// Maximum jump of a velocity between two windows, m/s.
     pub join_speed: f64,
+    /// Maximum jump of an angular velocity between two windows, rad/s.
     pub join_angular_velocity: f64,
     /// Maximum penetration that a step may add, m; infinite: no limit.
     pub penetration: f64,

@@ -3,10 +3,12 @@
 use super::refusal::Refusal;
 use crate::drive::Load;
 
-/// A load at a time, ns since the start of the run.
+/// Load at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LoadKnot {
+    /// Time since the start of the run, ns.
     pub time_ns: u64,
+    /// Load on the body.
     pub load: Load,
 }
 

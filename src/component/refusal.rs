@@ -12,19 +12,54 @@ pub enum Refusal {
         nearest_ns[0],
         nearest_ns[1]
     )]
-    Time { now_ns: u64, step_ns: u64, nearest_ns: [u64; 2], found_ns: u64 },
+    Time {
+        /// Time of the component, ns.
+        now_ns: u64,
+        /// Length of a step, ns.
+        step_ns: u64,
+        /// Times on the grid before and after the requested one, ns.
+        nearest_ns: [u64; 2],
+        /// Requested end of the window, ns.
+        found_ns: u64,
+    },
     /// The input of a body does not cover the window.
     #[error("input of {body:?}: expected {expected}, found {found}")]
-    Gap { body: String, expected: String, found: String },
+    Gap {
+        /// Name of the body.
+        body: String,
+        /// Values that are accepted.
+        expected: String,
+        /// Value found.
+        found: String,
+    },
     /// The input does not continue the window before.
     #[error("input of {body:?}: expected {expected}, found {found}")]
-    Jump { body: String, expected: String, found: String },
+    Jump {
+        /// Name of the body.
+        body: String,
+        /// Values that are accepted.
+        expected: String,
+        /// Value found.
+        found: String,
+    },
     /// The input cannot be used.
     #[error("input of {body:?}: expected {expected}, found {found}")]
-    Input { body: String, expected: String, found: String },
+    Input {
+        /// Name of the body.
+        body: String,
+        /// Values that are accepted.
+        expected: String,
+        /// Value found.
+        found: String,
+    },
     /// No driven body has this name.
     #[error("input: expected one of {known:?}, found {found:?}")]
-    UnknownBody { known: Vec<String>, found: String },
+    UnknownBody {
+        /// Names of the driven bodies.
+        known: Vec<String>,
+        /// Name found.
+        found: String,
+    },
     /// No window has been computed since the start or the last restore.
     #[error("redo: expected a window before this one, found none")]
     NothingToRedo,

@@ -37,12 +37,15 @@ impl WindowStatus {
 /// Result of a window.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WindowResult {
+    /// Status of the window.
     pub status: WindowStatus,
     /// Error that ended the window, if one did.
     pub error: Option<Error>,
-    /// Beginning and end of the computed part, ns.
+    /// Beginning of the window, ns.
     pub t0_ns: u64,
+    /// End of the computed part, ns.
     pub t1_ns: u64,
+    /// Number of steps that are kept.
     pub steps: u64,
     /// Reaction of the ballast on each driven body `[nd]`.
     pub bodies: Vec<BodyResult>,
@@ -50,6 +53,7 @@ pub struct WindowResult {
     pub zones: Vec<ZoneResult>,
     /// Squeezes that were in progress during the window, ended ones first.
     pub squeezes: Vec<SqueezeOutcome>,
+    /// Figures of the solver.
     pub solver: SolverResult,
     /// Energies since the start of the run.
     pub energy: EnergyLedger,
@@ -61,62 +65,73 @@ pub struct WindowResult {
 /// Measurements of a zone at the end of a window; `None` where they are not defined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ZoneResult {
+    /// Name of the zone.
     pub name: String,
+    /// Region of the zone in world axes, m.
     pub region: AxisBox,
     /// Solid over accessible volume (T-21).
     pub compactness: Option<f64>,
     /// Mean number of touching neighbours of the grains whose centre is in the zone (T-25).
     pub coordination: Option<f64>,
-    /// (T-22).
+    /// Inertial number (T-22).
     pub inertial_number: Option<f64>,
-    /// Mean over the last step, Pa (T-23).
+    /// Pressure, mean over the last step, Pa (T-23).
     pub pressure: f64,
 }
 
 /// Reaction of the ballast on a driven body during a window, about its reference point, world axes (T-27).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodyResult {
-    /// N s.
+    /// Impulse on the body, N s.
     pub impulse: Vec3,
-    /// N m s.
+    /// Angular impulse on the body, N m s.
     pub angular_impulse: Vec3,
-    /// Impulses over the length of the window: N, N m; zero for a window of no steps.
+    /// Impulse over the length of the window, N; zero for a window without steps.
     pub mean_force: Vec3,
+    /// Angular impulse over the length of the window, N m; zero for a window without steps.
     pub mean_torque: Vec3,
-    /// Mean over as many whole steps as 4 ms hold, one at least, which may have begun before the window: N, N m.
+    /// Mean force over as many whole steps as 4 ms hold, at least one, N. They may have begun before the window.
     pub moving_average_force: Vec3,
+    /// Mean torque over the steps of the mean force, N m.
     pub moving_average_torque: Vec3,
-    /// Largest mean force of a step, N, the mean torque of that step, N m, and its end, ns; the beginning of the window
-    /// where no force acted.
+    /// Largest mean force of a step, N.
     pub peak_force: Vec3,
+    /// Mean torque of the step with the largest force, N m.
     pub peak_torque: Vec3,
+    /// End of the step with the largest force, ns; the beginning of the window without a force.
     pub peak_time_ns: u64,
     /// Work of the body on the ballast, J.
     pub work: f64,
     /// Contact points that carried an impulse in the last step.
     pub contacts: u32,
-    /// At the end of the window: of the body itself, where it has a mount.
+    /// Pose at the end of the window, that of the body itself where it has a mount.
     pub pose: Pose,
-    /// m/s, rad/s.
+    /// Velocity of the reference point at the end of the window, m/s.
     pub velocity: Vec3,
+    /// Angular velocity at the end of the window, rad/s.
     pub angular_velocity: Vec3,
 }
 
 /// Figures of the solver over a window.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct SolverResult {
-    /// Over all steps.
+    /// Number of iterations of all steps.
     pub iterations: u64,
+    /// Number of contact visits of all steps.
     pub visits: u64,
+    /// Number of steps that have not reached the tolerance.
     pub steps_not_converged: u64,
-    /// Largest residuals of a step.
+    /// Largest residual QM/16 of a step (T-11).
     pub residual_qm16: f64,
+    /// Largest natural map residual of a step, unit-free (T-10).
     pub residual_natural_map: f64,
-    /// In the last step.
+    /// Number of contact points in the last step.
     pub contacts: usize,
+    /// Number of contact points that carried an impulse in the last step.
     pub active_contacts: usize,
-    /// Mean of the last step, largest of all steps, m.
+    /// Mean penetration in the last step, m (T-26).
     pub mean_penetration: f64,
+    /// Largest penetration of all steps, m (T-26).
     pub max_penetration: f64,
 }
 

@@ -77,10 +77,12 @@ impl Component {
         self
     }
 
+    /// Returns the model with the present parameters.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
+    /// Returns the limits of inputs.
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
@@ -90,6 +92,7 @@ impl Component {
         Arc::clone(&self.model)
     }
 
+    /// Returns the state at the end of the last window.
     pub fn state(&self) -> &State {
         &self.state
     }

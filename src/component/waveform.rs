@@ -13,12 +13,13 @@ pub const MAX_KNOT_ROTATION: f64 = 2.0;
 /// Pose and twist of a body at a time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Knot {
-    /// Since the start of the run, ns.
+    /// Time since the start of the run, ns.
     pub time_ns: u64,
+    /// Pose of the body frame in the world, m.
     pub pose: Pose,
-    /// Velocity of the reference point, m/s, and angular velocity, rad/s, world axes; read by
-    /// [`Interpolation::Hermite`] only.
+    /// Velocity of the reference point, world axes, m/s; read by [`Interpolation::Hermite`] only.
     pub velocity: Vec3,
+    /// Angular velocity, world axes, rad/s; read by [`Interpolation::Hermite`] only.
     pub angular_velocity: Vec3,
 }
 
@@ -37,8 +38,9 @@ pub enum Interpolation {
 /// Motion of a body as a function of time.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Waveform {
+    /// Interpolation between the knots.
     pub interpolation: Interpolation,
-    /// In order of time.
+    /// Knots in order of time.
     pub knots: Vec<Knot>,
 }
 

@@ -14,6 +14,7 @@ use crate::state::State;
 pub struct MotionInput {
     /// The body's name.
     pub body: String,
+    /// Motion as a function of time.
     pub waveform: Waveform,
     /// True if the motion need not continue the window before: the body is moved to it within the first step.
     pub allow_jump: bool,
@@ -35,6 +36,7 @@ impl MotionInput {
 pub struct LoadInput {
     /// The body's name.
     pub body: String,
+    /// Load as a function of time.
     pub waveform: LoadWaveform,
 }
 
@@ -66,7 +68,9 @@ impl<'a> From<&'a WindowInputs> for WindowInputsRef<'a> {
 /// load has none.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WindowInputsRef<'a> {
+    /// Motions of driven bodies, or of their mounts.
     pub motions: &'a [MotionInput],
+    /// Loads on mounted bodies.
     pub loads: &'a [LoadInput],
 }
 

@@ -41,10 +41,12 @@ pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
     Ok(())
 }
 
-/// Area that a tine sweeps in plan view: from and to, m.
+/// Area that a tine sweeps in plan view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SweptArea {
+    /// Range along the track, m.
     pub x: [f64; 2],
+    /// Range across the track, m.
     pub y: [f64; 2],
 }
 

@@ -60,7 +60,9 @@ const TOUCH: f64 = 1e-9;
 /// A prepared bed: grains at rest, boundaries and sleepers, no tines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bed {
+    /// Bodies, shapes and settings.
     pub model: Model,
+    /// State at rest.
     pub state: State,
 }
 

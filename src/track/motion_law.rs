@@ -5,8 +5,9 @@
 /// Share of a travel that is spent on speeding up, and again on slowing down.
 pub const RAMP: f64 = 0.2;
 
-/// Peak over mean speed of [`smooth_step`] and of [`travel`].
+/// Peak over mean speed of [`smooth_step`].
 pub const SMOOTH_STEP_PEAK: f64 = 1.875;
+/// Peak over mean speed of [`travel`].
 pub const TRAVEL_PEAK: f64 = 1.0 / (1.0 - RAMP);
 
 /// Minimum-jerk step from 0 to 1; speed and acceleration vanish at both ends.

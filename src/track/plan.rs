@@ -11,12 +11,17 @@ use std::f64::consts::FRAC_PI_6;
 /// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
+    /// Name of the scenario.
     pub name: String,
+    /// Bed and its preparation.
     pub bed: BedPlan,
+    /// Sleepers in the bed.
     pub sleepers: Vec<SleeperPlan>,
+    /// Tines of the machine.
     pub tines: Vec<TinePlan>,
-    /// `None`: no tamping, the bed just rests.
+    /// Motion of the machine; `None`: no tamping, the bed just rests.
     pub tamping: Option<TampingPlan>,
+    /// Settings of the run and its output.
     pub run: RunPlan,
 }
 
@@ -25,13 +30,17 @@ pub struct Plan {
 pub struct BedPlan {
     /// Inner size of the box, m.
     pub size: Vec3,
+    /// Seed of the random shapes and positions of grains.
     pub seed: u64,
-    /// kg/m³.
+    /// Density of the stone, kg/m³.
     pub density: f64,
+    /// Sizes and shapes of the grains.
     pub grains: GrainPlan,
+    /// Friction coefficients of the run.
     pub friction: FrictionPlan,
-    /// m/s², downwards.
+    /// Acceleration of gravity, downwards, m/s².
     pub gravity: f64,
+    /// Settings of pouring and settling.
     pub preparation: PreparationPlan,
 }
 
@@ -51,6 +60,7 @@ impl BedPlan {
 pub struct GrainPlan {
     /// Size classes: sieve size (m) and share by number; shares sum to 1.
     pub classes: Vec<SizeClass>,
+    /// Parameters of the random shapes.
     pub shape: GrainShape,
     /// Number of different shapes, shared over the classes.
     pub templates: u32,
@@ -82,9 +92,13 @@ pub struct SizeClass {
 /// Coulomb friction of grains with each kind of partner.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrictionPlan {
+    /// Coefficient of grains with grains.
     pub grain: f64,
+    /// Coefficient of grains with sleepers.
     pub sleeper: f64,
+    /// Coefficient of grains with tines.
     pub tine: f64,
+    /// Coefficient of grains with floor and walls.
     pub boundary: f64,
 }
 
@@ -97,8 +111,9 @@ pub struct PreparationPlan {
     pub fill_level: f64,
     /// Grain friction while pouring and settling.
     pub friction: f64,
-    /// Time step (ns) and DDM iterations while pouring.
+    /// Time step while pouring and settling, ns.
     pub step_ns: u64,
+    /// Maximum number of iterations of a step while pouring and settling.
     pub iterations: u32,
     /// Rest is reached below this mean grain speed, m/s.
     pub rest_speed: f64,
@@ -109,6 +124,7 @@ pub struct PreparationPlan {
 /// A sleeper of one or two blocks (twin-block).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SleeperPlan {
+    /// Name of the driven body.
     pub name: String,
     /// Centre of the sleeper's underside in x and y, m.
     pub centre: [f64; 2],
@@ -120,15 +136,19 @@ pub struct SleeperPlan {
     pub mount: Option<Mount>,
 }
 
+/// Cuboid block of a sleeper.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BlockPlan {
+    /// Offset of the block's centre from that of the sleeper, across the track, m.
     pub offset_y: f64,
+    /// Size in x, y and z, m.
     pub size: Vec3,
 }
 
 /// One tine: a blade below a shaft. Its reference point is the middle of the blade's upper edge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TinePlan {
+    /// Name of the driven body.
     pub name: String,
     /// Start position of the reference point in x and y, m.
     pub position: [f64; 2],
@@ -136,8 +156,9 @@ pub struct TinePlan {
     pub direction: f64,
     /// Tines with the same number close together and share one force limit.
     pub pair: u32,
-    /// Blade and shaft: sizes in x (thickness), y (width), z (height), m.
+    /// Size of the blade in x (thickness), y (width) and z (height), m.
     pub blade: Vec3,
+    /// Size of the shaft in x, y and z, m.
     pub shaft: Vec3,
     /// Mount of the blade; `None`: rigid.
     pub mount: Option<Mount>,
@@ -148,13 +169,17 @@ pub struct TinePlan {
 pub struct TampingPlan {
     /// Start of the cycle, s.
     pub start: f64,
+    /// Lift of the tamped sleepers.
     pub lift: LiftPlan,
+    /// Insertion of the tines.
     pub insertion: InsertionPlan,
+    /// Squeeze between the tines of each pair.
     pub squeeze: SqueezePlan,
-    /// s.
+    /// Time of the hold after the squeeze, s.
     pub hold: f64,
     /// Time of the withdrawal, s.
     pub withdrawal: f64,
+    /// Vibration of the tines.
     pub vibration: VibrationPlan,
 }
 
@@ -187,17 +212,19 @@ impl TampingPlan {
     }
 }
 
+/// Lift of the tamped sleepers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LiftPlan {
-    /// m.
+    /// Height of the lift, m.
     pub height: f64,
-    /// s.
+    /// Time of the lift, s.
     pub duration: f64,
 }
 
+/// Insertion of the tines into the ballast.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct InsertionPlan {
-    /// s.
+    /// Time of the insertion, s.
     pub duration: f64,
     /// Depth of the blade's upper edge below the underside of the lifted sleeper, m.
     pub depth: f64,
@@ -207,9 +234,10 @@ pub struct InsertionPlan {
     pub force_limit: f64,
 }
 
+/// Squeeze of the ballast between the tines of each pair.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SqueezePlan {
-    /// s.
+    /// Time of the squeeze, s.
     pub duration: f64,
     /// Largest closing per side, m.
     pub stroke: f64,
@@ -217,17 +245,17 @@ pub struct SqueezePlan {
     pub force_limit: f64,
 }
 
-/// Sinusoidal, along x, facing rows in opposition.
+/// Sinusoidal vibration of the tines along x, facing rows in opposition.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VibrationPlan {
-    /// Hz.
+    /// Frequency, Hz.
     pub frequency: f64,
-    /// m, of what holds the tine; on a springy shaft (T-28) the blade swings further in the air.
+    /// Amplitude of the mount of a tine, m; on a springy shaft (T-28) the blade swings further in the air.
     pub amplitude: f64,
 }
 
 impl VibrationPlan {
-    /// Its period, s; none where nothing swings.
+    /// Period, s; `None` without vibration.
     pub fn period(&self) -> Option<f64> {
         (self.amplitude > 0.0 && self.frequency > 0.0).then(|| 1.0 / self.frequency)
     }
@@ -236,8 +264,11 @@ impl VibrationPlan {
 /// Settings of the run and its output.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunPlan {
+    /// Time step and its integration.
     pub stepping: Stepping,
+    /// Settings of the contact solver.
     pub solver: Solver,
+    /// Coefficient of restitution of all contacts.
     pub restitution: f64,
     /// Simulated time, ns: a whole number of time steps.
     pub duration_ns: u64,

@@ -17,9 +17,13 @@ use std::ops::ControlFlow;
 /// The stages of the preparation, in order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum DepositStage {
+    /// Pours the bed up to the underside of the sleepers.
     Pour,
+    /// Fills the cribs.
     Fill,
+    /// Removes grains above the fill level and settles with the friction of the run.
     Trim,
+    /// Settles with the time step of the run.
     Rest,
 }
 
@@ -38,18 +42,25 @@ impl DepositStage {
 /// Progress of the preparation after a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DepositProgress {
+    /// Stage of the preparation.
     pub stage: DepositStage,
-    /// Steps of this stage so far, before rest is looked for, and at most.
+    /// Number of steps of the stage so far.
     pub step: u64,
+    /// Number of steps before which the stage does not end.
     pub least_steps: u64,
+    /// Maximum number of steps of the stage.
     pub most_steps: u64,
+    /// Number of grains.
     pub grains: usize,
+    /// Number of contact points.
     pub contacts: usize,
-    /// Mean speed of the grains, and the speed that counts as rest, m/s.
+    /// Mean speed of the grains, m/s.
     pub mean_speed: f64,
+    /// Mean speed below which the bed is at rest, m/s.
     pub rest_speed: f64,
-    /// m.
+    /// Mean penetration, m (T-26).
     pub mean_penetration: f64,
+    /// Largest penetration, m (T-26).
     pub max_penetration: f64,
 }
 

@@ -27,10 +27,15 @@ pub const MIN_STEPS_PER_PERIOD: f64 = 8.0;
 pub enum TampingPhase {
     /// Before the cycle starts.
     Waiting,
+    /// Lift of the tamped sleepers.
     Lift,
+    /// Lowering of the tines into the ballast.
     Insertion,
+    /// Closing of the pairs of tines.
     Squeeze,
+    /// Rest of the closed tines, which still vibrate.
     Hold,
+    /// Opening and raising of the tines.
     Withdrawal,
     /// After the cycle, or no tamping at all.
     Done,

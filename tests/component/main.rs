@@ -21,6 +21,7 @@ use common::heap;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
+/// Nanoseconds of a millisecond.
 pub const MS: u64 = 1_000_000;
 /// The driven body.
 pub const FLOOR: &str = "floor";

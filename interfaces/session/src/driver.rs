@@ -29,7 +29,12 @@ pub enum RunDriver {
     /// Tamping cycle of the case.
     Cycle(TampingDriver),
     /// Recording, with the cycle of the case it is replayed in.
-    Recording { recording: Box<RecordingDriver>, cycle: TampingDriver },
+    Recording {
+        /// Source of the inputs.
+        recording: Box<RecordingDriver>,
+        /// Cycle of the case, which names the phases of a recording of it.
+        cycle: TampingDriver,
+    },
 }
 
 impl RunDriver {
@@ -63,7 +68,9 @@ impl RunDriver {
 
 /// Error of a driven step: of the driver, or a refused window.
 pub enum DriverFailure {
+    /// The driver has no inputs because of an error.
     Failure(Failure),
+    /// The component refused the window.
     Refusal(Refusal),
 }
 
@@ -123,6 +130,7 @@ impl Driver for RunDriver {
 
 /// Observer of the steps of a run: phase times, requests to stop, and the report of the last step.
 pub struct RunObserver {
+    /// Wall times of the phases.
     pub profile: Profile,
     report: Option<StepReport>,
 }
