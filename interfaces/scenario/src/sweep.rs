@@ -13,6 +13,8 @@
 //!
 //! A table stands for the paths of its keys: the plan without quotes is the same.
 
+use crate::diagnostic::CaseErrors;
+use crate::document::CaseDocument;
 use crate::read_case::read_case;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
@@ -45,12 +47,11 @@ impl SweepPlan {
     /// # Errors
     /// A message with the position, the expected and the found value.
     pub fn parse(text: &str, name: &str) -> Result<Self, String> {
-        Self::parse_unnamed(text).map_err(|error| format!("{name}: {error}"))
+        let plan = parse_table(text, name)?;
+        Self::read(&plan).map_err(|error| format!("{name}: {error}"))
     }
 
-    fn parse_unnamed(text: &str) -> Result<Self, String> {
-        let plan: Table =
-            text.parse().map_err(|e: toml::de::Error| e.to_string().trim().to_string())?;
+    fn read(plan: &Table) -> Result<Self, String> {
         if let Some(key) = plan.keys().find(|k| !["case", "grid", "points"].contains(&k.as_str())) {
             return Err(mismatch(key, "one of case, grid, points", &format!("{key:?}")));
         }
@@ -82,6 +83,31 @@ impl SweepPlan {
         }
         Ok(Self { case, points })
     }
+
+    /// Returns the text of the case of each point, after checking all of them. `case_name` and `plan_name` stand for the
+    /// files in messages.
+    ///
+    /// # Errors
+    /// A case that is not TOML; all errors of the first changed case that is invalid.
+    pub fn case_texts(
+        &self,
+        case: &str,
+        case_name: &str,
+        plan_name: &str,
+    ) -> Result<Vec<String>, String> {
+        let case = parse_table(case, case_name)?;
+        let text = |(number, point): (usize, &SweepPoint)| {
+            checked_text(case.clone(), point, &format!("{plan_name}, point {number}"))
+        };
+        (1..).zip(&self.points).map(text).collect()
+    }
+}
+
+/// Parses a file in TOML; `name` stands for it in messages.
+fn parse_table(text: &str, name: &str) -> Result<Table, String> {
+    let document = CaseDocument::parse(text, name);
+    document.map_err(|errors| CaseErrors { errors }.to_string())?;
+    text.parse().map_err(|e: toml::de::Error| format!("{name}: {}", e.message().trim()))
 }
 
 fn mismatch(place: &str, expected: &str, found: &dyn Display) -> String {
@@ -158,11 +184,8 @@ fn insert_flat(
 }
 
 /// Returns the text of a case with the values of `point`, after checking the case.
-///
-/// # Errors
-/// As for [`set_values`]; all errors of the changed case.
-pub fn apply_point(text: &str, point: &SweepPoint, name: &str) -> Result<String, String> {
-    let text = set_values(text, point, name)?;
+fn checked_text(case: Table, point: &SweepPoint, name: &str) -> Result<String, String> {
+    let text = text_with(case, point, name)?;
     // The lines of this text are in no file.
     read_case(&text, name).map_err(|case| {
         let errors = case.errors.iter().map(|e| format!("{name}: {}", e.without_position()));
@@ -174,10 +197,12 @@ pub fn apply_point(text: &str, point: &SweepPoint, name: &str) -> Result<String,
 /// Returns the text of a case with the values of `point`, without checking it; `name` stands for it in messages.
 ///
 /// # Errors
-/// A key with a segment that is no table, or with too many segments.
+/// A text that is not TOML; a key with a segment that is no table, or with too many segments.
 pub fn set_values(text: &str, point: &SweepPoint, name: &str) -> Result<String, String> {
-    let mut case: Table =
-        text.parse().map_err(|e: toml::de::Error| format!("{name}: {}", e.to_string().trim()))?;
+    text_with(parse_table(text, name)?, point, name)
+}
+
+fn text_with(mut case: Table, point: &SweepPoint, name: &str) -> Result<String, String> {
     for (path, value) in point {
         let segments = path.split('.').count();
         if segments > MAX_SEGMENTS {
@@ -286,9 +311,35 @@ mod tests {
     }
 
     #[test]
+    fn foreign_notations_are_named() {
+        let grid = |value: &str| format!("case = 'a'\n[grid]\n'bed.seed' = {value}\n");
+        for (text, problem, expected) in [
+            ("case = “a.toml”".into(), "quotation marks", "\"a.toml\""),
+            (grid("[0.1 s]"), "value with a unit", "the number alone"),
+            (grid("[0,3, 0,2]"), "decimal comma", "[0.3, 0.2]"),
+            (grid("[1;2]"), "semicolon", "commas between entries"),
+            ("case\u{a0}= 'a'".into(), "no-break space", ""),
+        ] {
+            let error = SweepPlan::parse(&text, "plan.toml").unwrap_err();
+            assert!(error.contains(problem) && error.contains(expected), "{text}: {error}");
+            assert!(error.contains("--> plan.toml:"), "{error}");
+            assert!(!error.contains("TOML parse error"), "{error}");
+        }
+        let plan = SweepPlan::parse("case = 'a'\n[[points]]\nx = 1", "plan.toml").unwrap();
+        let error = plan.case_texts("name = “a”", "a.toml", "plan.toml").unwrap_err();
+        assert!(error.contains("--> a.toml:1:8"), "{error}");
+    }
+
+    /// Text of the first point of a plan with one point.
+    fn apply_point(case: &str, point: SweepPoint) -> Result<String, String> {
+        let plan = SweepPlan { case: "a.toml".into(), points: vec![point] };
+        Ok(plan.case_texts(case, "a.toml", "plan")?.remove(0))
+    }
+
+    #[test]
     fn a_point_changes_a_case() {
         let point = vec![("tamping.vibration.frequency_Hz".to_string(), Value::Integer(42))];
-        let text = apply_point(CASE, &point, "point 1").unwrap();
+        let text = apply_point(CASE, point).unwrap();
         let plan = read_case(&text, "point").unwrap().plan;
         assert_eq!(plan.tamping.unwrap().vibration.frequency, 42.0);
         for (key, value, expected) in [
@@ -296,13 +347,13 @@ mod tests {
             ("solver.iteration", Value::Integer(1), "iteration"),
             ("name.first", Value::Integer(1), "expected a table at \"name\""),
         ] {
-            let error = apply_point(CASE, &vec![(key.to_string(), value)], "point 1").unwrap_err();
-            assert!(error.contains(expected) && error.starts_with("point 1: "), "{error}");
+            let error = apply_point(CASE, vec![(key.to_string(), value)]).unwrap_err();
+            assert!(error.contains(expected) && error.starts_with("plan, point 1: "), "{error}");
             assert!(!error.contains("-->") && error.lines().count() == 1, "{error}");
         }
         // More than any stack holds.
         let deep = vec![(["a"; 300_000].join("."), Value::Integer(1))];
-        let error = apply_point(CASE, &deep, "point 1").unwrap_err();
+        let error = apply_point(CASE, deep).unwrap_err();
         assert!(error.ends_with("expected a key of at most 16 parts, found 300000"), "{error}");
         assert!(error.len() < 200, "{error}");
         let deep = format!("case = 'a'\n[[points]]\n{} = 1", ["a"; 300_000].join("."));

@@ -7,7 +7,7 @@ use crate::files::{create_folder, csv_text, read_case, read_text, replace_text};
 use crate::interrupt;
 use crate::lock::enter;
 use ballast_scenario::MAX_CASE_BYTES;
-use ballast_scenario::sweep::{SweepPlan, SweepPoint, apply_point};
+use ballast_scenario::sweep::{SweepPlan, SweepPoint};
 use ballast_session::run_files::RunFiles;
 use ballast_session::{Failure, Reporter, Result};
 use nix::sys::signal::{Signal, kill};
@@ -30,7 +30,8 @@ pub fn sweep(args: SweepArgs, console: Console) -> Result {
     let sweep = SweepPlan::parse(&text, &name).map_err(Failure::InvalidCase)?;
     let case = args.plan.parent().unwrap_or(Path::new("")).join(&sweep.case);
     let case_text = read_case(&case, MAX_CASE_BYTES)?;
-    let texts = texts(&sweep, &case_text, &name)?;
+    let case_name = case.display().to_string();
+    let texts = sweep.case_texts(&case_text, &case_name, &name).map_err(Failure::InvalidCase)?;
     let folder = args.out.clone().unwrap_or_else(|| {
         Path::new("runs").join(args.plan.file_stem().unwrap_or(std::ffi::OsStr::new("sweep")))
     });
@@ -75,15 +76,6 @@ pub fn sweep(args: SweepArgs, console: Console) -> Result {
         numbers.len(),
         logs.join(", ")
     )))
-}
-
-/// Returns the case of each point; all are checked before the first run.
-fn texts(sweep: &SweepPlan, case: &str, plan: &str) -> Result<Vec<String>> {
-    let text = |(i, point): (usize, &SweepPoint)| {
-        apply_point(case, point, &format!("{plan}, point {}", i + 1))
-    };
-    let texts: Result<_, _> = sweep.points.iter().enumerate().map(text).collect();
-    texts.map_err(Failure::InvalidCase)
 }
 
 /// Files of a sweep: a manifest, a folder per point, a table.
