@@ -42,14 +42,14 @@ const COLUMNS: &[&str] = &[
 const MAX_EDGE: usize = 128;
 
 /// Measurement of a load on one number of threads with one instruction set.
-struct KernelFigure {
+struct KernelMeasurement {
     load: usize,
     instructions: InstructionSet,
     pool: Arc<ThreadPool>,
     rounds: Vec<KernelRound>,
 }
 
-impl KernelFigure {
+impl KernelMeasurement {
     fn threads(&self) -> usize {
         self.pool.current_num_threads()
     }
@@ -76,15 +76,15 @@ pub fn kernel(args: &KernelArgs, console: &dyn Reporter) -> Result {
     let mut sheet = ResultSheet::new(COLUMNS);
     let max_threads = pools.last().map_or(1, |pool| pool.current_num_threads());
     let loads = kernel_loads(edge, max_threads, &mut sheet);
-    let mut figures = figures(&loads, &pools);
-    measure(&loads, &mut figures, args, console);
+    let mut measurements = measurements(&loads, &pools);
+    measure(&loads, &mut measurements, args, console);
     notes(&mut sheet);
-    for figure in &figures {
-        if figure.threads() == 1 && figure.instructions == InstructionSet::detect() {
-            let load = &loads[figure.load];
+    for measurement in &measurements {
+        if measurement.threads() == 1 && measurement.instructions == InstructionSet::detect() {
+            let load = &loads[measurement.load];
             sheet.section(format!("{}, {}", load.lattice, load.form()));
         }
-        row(&mut sheet, &loads[figure.load], figure);
+        row(&mut sheet, &loads[measurement.load], measurement);
     }
     sheet.publish(&machine, args.csv.csv.as_deref(), console)
 }
@@ -126,14 +126,14 @@ fn notes(sheet: &mut ResultSheet) {
     }
 }
 
-fn figures(loads: &[KernelLoad], pools: &[Arc<ThreadPool>]) -> Vec<KernelFigure> {
-    let mut figures = Vec::new();
+fn measurements(loads: &[KernelLoad], pools: &[Arc<ThreadPool>]) -> Vec<KernelMeasurement> {
+    let mut measurements = Vec::new();
     for (load, of) in loads.iter().enumerate() {
         let fits =
             |pool: &&Arc<ThreadPool>| of.divided || pool.current_num_threads() <= of.sets.len();
         for pool in pools.iter().filter(fits) {
             for instructions in InstructionSet::available() {
-                figures.push(KernelFigure {
+                measurements.push(KernelMeasurement {
                     load,
                     instructions,
                     pool: pool.clone(),
@@ -142,65 +142,67 @@ fn figures(loads: &[KernelLoad], pools: &[Arc<ThreadPool>]) -> Vec<KernelFigure>
             }
         }
     }
-    figures
+    measurements
 }
 
-/// Measures roofline and figures in alternation.
+/// Measures roofline and measurements in alternation.
 fn measure(
     loads: &[KernelLoad],
-    figures: &mut [KernelFigure],
+    measurements: &mut [KernelMeasurement],
     args: &KernelArgs,
     console: &dyn Reporter,
 ) {
     let (rounds, seconds) = (args.rounds.get(), args.seconds);
     let mut triads: Vec<Triad> = Vec::new();
-    for figure in &*figures {
-        for bytes in [FIRST_CACHE_BYTES, loads[figure.load].bytes_per_thread(figure.threads())] {
-            if !triads.iter().any(|t| t.matches(bytes, figure.threads())) {
-                triads.push(Triad::new(bytes, figure.threads()));
+    for measurement in &*measurements {
+        for bytes in
+            [FIRST_CACHE_BYTES, loads[measurement.load].bytes_per_thread(measurement.threads())]
+        {
+            if !triads.iter().any(|t| t.matches(bytes, measurement.threads())) {
+                triads.push(Triad::new(bytes, measurement.threads()));
             }
         }
     }
-    let all = rounds as usize * figures.len();
+    let all = rounds as usize * measurements.len();
     let mut progress = console.start_progress("kernel");
     for k in 0..all {
-        // Each round begins with another figure.
-        let (round, place) = (k / figures.len(), k % figures.len());
-        let i = (round + place) % figures.len();
-        let figure = &mut figures[i];
-        let (load, pool) = (&loads[figure.load], &figure.pool);
+        // Each round begins with another measurement.
+        let (round, place) = (k / measurements.len(), k % measurements.len());
+        let i = (round + place) % measurements.len();
+        let measurement = &mut measurements[i];
+        let (load, pool) = (&loads[measurement.load], &measurement.pool);
         let bandwidth = |bytes| {
-            let triad = triads.iter().find(|t| t.matches(bytes, figure.threads()));
+            let triad = triads.iter().find(|t| t.matches(bytes, measurement.threads()));
             triad.map_or(0.0, |triad| triad.bandwidth(pool, seconds).cpu)
         };
         let (first_cache, set) =
-            (bandwidth(FIRST_CACHE_BYTES), bandwidth(load.bytes_per_thread(figure.threads())));
+            (bandwidth(FIRST_CACHE_BYTES), bandwidth(load.bytes_per_thread(measurement.threads())));
         let [fused, divisions] =
-            arithmetic_rates(figure.instructions, pool, seconds).map(|r| r.cpu);
-        let rate = load.rate(figure.instructions, pool, seconds);
+            arithmetic_rates(measurement.instructions, pool, seconds).map(|r| r.cpu);
+        let rate = load.rate(measurement.instructions, pool, seconds);
         let roofs = RooflineLimits { first_cache, set, fused, divisions };
         let (roof, bound_by) = roofs.lowest(&load.traffic, &load.operations, load.contacts as f64);
-        figure.rounds.push(KernelRound { rate, roofs, roof, bound_by });
+        measurement.rounds.push(KernelRound { rate, roofs, roof, bound_by });
         progress.advance((k + 1) as f64 / all as f64, &StageLabel(format!("round {}", round + 1)));
     }
 }
 
-fn row(sheet: &mut ResultSheet, load: &KernelLoad, figure: &KernelFigure) {
-    let threads = figure.threads() as f64;
+fn row(sheet: &mut ResultSheet, load: &KernelLoad, measurement: &KernelMeasurement) {
+    let threads = measurement.threads() as f64;
     let of = |value: &dyn Fn(&KernelRound) -> f64| {
-        Quartiles::of(&figure.rounds.iter().map(value).collect::<Vec<_>>())
+        Quartiles::of(&measurement.rounds.iter().map(value).collect::<Vec<_>>())
     };
     let rate = of(&|t| t.rate.wall);
     let contacts = load.contacts as f64;
     let flops = load.operations.flops() as f64 / contacts;
-    let mut by_roof: Vec<&KernelRound> = figure.rounds.iter().collect();
+    let mut by_roof: Vec<&KernelRound> = measurement.rounds.iter().collect();
     by_roof.sort_by(|a, b| a.roof.total_cmp(&b.roof));
     sheet.row(cells![
         load.lattice.clone(),
         load.form(),
-        figure.instructions.name(),
-        figure.threads(),
-        load.visits(figure.threads()),
+        measurement.instructions.name(),
+        measurement.threads(),
+        load.visits(measurement.threads()),
         1e-3 * load.traffic.footprint as f64,
         1e-6 * rate.median,
         1e-6 * rate.low,

@@ -8,8 +8,8 @@ use crate::result::PyWindowResult;
 use crate::state::{LocalState, PyState, StateStorage};
 use ballast_mcap::recording::{RecordedWindow, WindowReader};
 use ballast_protocol::messages::{
-    AdvanceInputs, AdvanceReply, EnergyBalance, Message, ReplyStatus, SolverParameters,
-    SolverStats, SqueezeReport, WrenchImpulse, ZoneMeasurement,
+    AdvanceInputs, AdvanceReply, EnergyLedger, Message, ReplyStatus, SolverParameters, SolverStats,
+    SqueezeReport, WrenchImpulse, ZoneMeasurement,
 };
 use ballast_protocol::{MessageError, from_cdr};
 use ballast_scenario::CaseOverrides;
@@ -168,7 +168,7 @@ fn reply(window: &RecordedWindow, step_ns: u64) -> Result<AdvanceReply, MessageE
             ZoneMeasurement::NAME => reply.zones.push(from_cdr(data).map_err(in_topic)?),
             SqueezeReport::NAME => reply.squeezes.push(from_cdr(data).map_err(in_topic)?),
             SolverStats::NAME => reply.solver = from_cdr(data).map_err(in_topic)?,
-            EnergyBalance::NAME => reply.energy = from_cdr(data).map_err(in_topic)?,
+            EnergyLedger::NAME => reply.energy = from_cdr(data).map_err(in_topic)?,
             _ => {}
         }
     }

@@ -6,6 +6,7 @@
 //! them never ends a run, see [`NonFatalErrors`].
 
 use crate::case::{self, Case, CaseOverrides};
+use crate::case_stepper::CaseStepper;
 use crate::checkpoint_timer::CheckpointTimer;
 use crate::console::Console;
 use crate::files::{replace_text, shell_word};
@@ -14,7 +15,6 @@ use crate::nonfatal_errors::NonFatalErrors;
 use crate::problem_dump::ProblemDump;
 use crate::progress::ConsoleProgress;
 use crate::recorder::Recorder;
-use crate::run_session::RunSession;
 use crate::summary_text;
 use crate::table::on_threads;
 use ballast::component::{DrivenWindow, measure_zones};
@@ -39,7 +39,7 @@ pub struct CaseRun {
     console: Console,
     case: Case,
     files: RunFiles,
-    run: RunSession,
+    run: CaseStepper,
     recorder: Recorder,
     recording: Option<RunRecorder>,
     /// The recording, once it is whole.
@@ -63,7 +63,7 @@ impl CaseRun {
     /// in the folder is replaced. What cannot take a step, is over already or cannot be recorded is to be refused before.
     pub fn begin(
         case: Case,
-        run: RunSession,
+        run: CaseStepper,
         files: RunFiles,
         record: Option<&Path>,
         console: Console,
@@ -91,13 +91,13 @@ impl CaseRun {
         expect_ahead(last, state.step)?;
         let driver = RunDriver::Cycle(tamping_driver(&case, &model, &state)?);
         let recorder = Recorder::reopen(&files, &case, &model, &state)?;
-        let run = RunSession::new(&case, model, state, driver)?;
+        let run = CaseStepper::new(&case, model, state, driver)?;
         Ok(Self::assemble(case, run, files, recorder, None, console))
     }
 
     fn assemble(
         case: Case,
-        run: RunSession,
+        run: CaseStepper,
         files: RunFiles,
         recorder: Recorder,
         recording: Option<RunRecorder>,
@@ -445,7 +445,7 @@ pub fn expect_ahead(last: Option<u64>, done: u64) -> Result {
 }
 
 /// Starts the recording of a session.
-fn begin_recording(path: &Path, case: &Case, run: &RunSession) -> Result<RunRecorder> {
+fn begin_recording(path: &Path, case: &Case, run: &CaseStepper) -> Result<RunRecorder> {
     let drive = match run.recording() {
         Some(recording) if !recording.is_of_the_cycle() => Drive::Inputs,
         _ => Drive::Case,

@@ -5,6 +5,7 @@
 mod args;
 mod body_overlap;
 mod case_run;
+mod case_stepper;
 mod checkpoint_timer;
 mod commands;
 mod console;
@@ -16,7 +17,6 @@ mod panic_hook;
 mod problem_dump;
 mod progress;
 mod recording_start;
-mod run_session;
 
 use args::{Cli, Command};
 use ballast_session::{

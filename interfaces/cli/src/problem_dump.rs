@@ -3,8 +3,8 @@
 //! Reads: the workspace of a step. Writes: one file per problem. Contract: dumping changes no bit of the run; the
 //! problem is the one that was solved, without the impulses that its solution started from.
 
+use crate::case_stepper::CaseStepper;
 use crate::files::create_folder;
-use crate::run_session::RunSession;
 use ballast::nlgs::assembled_problem::AssembledProblem;
 use ballast::track::TampingPhase;
 use ballast_hdf5::fclib::{self, Storage};
@@ -29,7 +29,7 @@ impl ProblemDump {
     }
 
     /// Keeps the problem of the step that was just taken, if it is one of those wanted and has contacts.
-    pub fn step(&self, name: &str, run: &RunSession) -> Result {
+    pub fn step(&self, name: &str, run: &CaseStepper) -> Result {
         let (state, phase) = (run.state(), run.phase());
         let wanted = self.phases.is_empty() || self.phases.contains(&phase);
         let problem = run.component().workspace().problem();

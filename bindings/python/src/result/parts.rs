@@ -3,7 +3,7 @@
 use super::{PickleReduction, malformed, private_function};
 use crate::arrays::{self, Matrix, Vector};
 use ballast_protocol::messages::{
-    EnergyBalance, Message, SolverStats, SqueezeReport, Vector3, WrenchImpulse, ZoneMeasurement,
+    EnergyLedger, Message, SolverStats, SqueezeReport, Vector3, WrenchImpulse, ZoneMeasurement,
 };
 use ballast_protocol::{from_cdr, to_cdr};
 use pyo3::exceptions::PyValueError;
@@ -233,7 +233,7 @@ message_class!(PySolverResult("SolverResult"):
 
 #[doc = stub!("EnergyLedger")]
 #[pyclass(frozen, module = "ballast", name = "EnergyLedger")]
-pub struct PyEnergyLedger(pub EnergyBalance);
+pub struct PyEnergyLedger(pub EnergyLedger);
 
 message_class!(PyEnergyLedger("EnergyLedger"):
     #[doc = stub!("EnergyLedger.initial_kinetic")]
@@ -252,7 +252,7 @@ message_class!(PyEnergyLedger("EnergyLedger"):
     balance_error: f64 = |m, _| m.balance_error,;
 
     fn __repr__(&self) -> String {
-        let EnergyBalance { kinetic, potential, external_work, dissipated, .. } = self.0;
+        let EnergyLedger { kinetic, potential, external_work, dissipated, .. } = self.0;
         format!(
             "EnergyLedger(kinetic={kinetic:.3e} J, potential={potential:.3e} J, \
              external_work={external_work:.3e} J, dissipated={dissipated:.3e} J)"

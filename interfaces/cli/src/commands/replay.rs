@@ -3,9 +3,9 @@
 use crate::args::{ReplayArgs, TimeName};
 use crate::case::{self, Case, CaseOverrides};
 use crate::case_run::{self, CaseRun};
+use crate::case_stepper::CaseStepper;
 use crate::console::Console;
 use crate::files::expect_different;
-use crate::run_session::RunSession;
 use crate::{beds, body_overlap, interrupt, recording_start};
 use ballast::component::TampingDriver;
 use ballast::model::Model;
@@ -93,9 +93,9 @@ fn replay_session(
     (model, state): (Model, State),
     cycle: TampingDriver,
     recording: RecordingDriver,
-) -> Result<RunSession> {
+) -> Result<CaseStepper> {
     let driver = RunDriver::Recording { recording: Box::new(recording), cycle };
-    let mut run = RunSession::new(case, model, state, driver)?;
+    let mut run = CaseStepper::new(case, model, state, driver)?;
     case_run::expect_ahead(args.stop.steps, run.state().step)?;
     if args.stop.steps != Some(run.state().step) {
         run.check_first_step()?;

@@ -3,9 +3,9 @@
 use crate::args::{DumpArgs, RunArgs};
 use crate::case::{self, CaseOverrides};
 use crate::case_run::CaseRun;
+use crate::case_stepper::CaseStepper;
 use crate::console::Console;
 use crate::problem_dump::ProblemDump;
-use crate::run_session::RunSession;
 use crate::{beds, interrupt};
 use ballast_session::Result;
 use ballast_session::driver::{RunDriver, tamping_driver};
@@ -29,7 +29,7 @@ pub fn run(args: RunArgs, console: Console) -> Result {
     let dump = dump.transpose()?;
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     let driver = RunDriver::Cycle(tamping_driver(&case, &model, &state)?);
-    let run = RunSession::new(&case, model, state, driver)?;
+    let run = CaseStepper::new(&case, model, state, driver)?;
     let session = CaseRun::begin(case, run, files, args.record.as_deref(), console)?;
     let session = session.with_checkpoint_interval(args.checkpoint.checkpoint_every);
     session.dumping(dump).run(args.stop.steps, args.stop.expect_hash)

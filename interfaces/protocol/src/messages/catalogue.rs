@@ -82,7 +82,7 @@ catalogue!(
     "ballast_msgs" SqueezeReport,
     "ballast_msgs" SolverStats,
     "ballast_msgs" SolverParameters,
-    "ballast_msgs" EnergyBalance,
+    "ballast_msgs" EnergyLedger,
     "ballast_msgs" StateHash,
     "ballast_msgs" BodySeries,
     "ballast_msgs" StepSeries,

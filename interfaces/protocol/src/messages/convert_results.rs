@@ -12,7 +12,7 @@ use ballast::model::Model;
 use ballast::observe::{SqueezeOutcome, SqueezeRecord};
 use ballast::state;
 
-impl From<state::EnergyLedger> for EnergyBalance {
+impl From<state::EnergyLedger> for EnergyLedger {
     fn from(e: state::EnergyLedger) -> Self {
         Self {
             initial_kinetic: e.initial_kinetic,
@@ -26,8 +26,8 @@ impl From<state::EnergyLedger> for EnergyBalance {
     }
 }
 
-impl From<EnergyBalance> for state::EnergyLedger {
-    fn from(e: EnergyBalance) -> Self {
+impl From<EnergyLedger> for state::EnergyLedger {
+    fn from(e: EnergyLedger) -> Self {
         Self {
             initial_kinetic: e.initial_kinetic,
             initial_potential: e.initial_potential,
@@ -39,37 +39,28 @@ impl From<EnergyBalance> for state::EnergyLedger {
     }
 }
 
-impl From<component::SolverResult> for SolverStats {
-    fn from(s: component::SolverResult) -> Self {
-        Self {
-            iterations: s.iterations,
-            visits: s.visits,
-            steps_not_converged: s.steps_not_converged,
-            residual_qm16: s.residual_qm16,
-            residual_natural_map: s.residual_natural_map,
-            contacts: s.contacts as u64,
-            active_contacts: s.active_contacts as u64,
-            mean_penetration: s.mean_penetration,
-            max_penetration: s.max_penetration,
+/// Converts between a message and a type of the core with the same fields.
+macro_rules! same_fields {
+    ($message:ty, $core:ty: $($field:ident),*) => {
+        impl From<$core> for $message {
+            fn from(core: $core) -> Self {
+                Self { $($field: core.$field as _),* }
+            }
         }
-    }
+
+        impl From<$message> for $core {
+            fn from(message: $message) -> Self {
+                Self { $($field: message.$field as _),* }
+            }
+        }
+    };
 }
 
-impl From<SolverStats> for component::SolverResult {
-    fn from(s: SolverStats) -> Self {
-        Self {
-            iterations: s.iterations,
-            visits: s.visits,
-            steps_not_converged: s.steps_not_converged,
-            residual_qm16: s.residual_qm16,
-            residual_natural_map: s.residual_natural_map,
-            contacts: s.contacts as usize,
-            active_contacts: s.active_contacts as usize,
-            mean_penetration: s.mean_penetration,
-            max_penetration: s.max_penetration,
-        }
-    }
-}
+same_fields!(
+    SolverStats, component::SolverResult:
+    iterations, visits, steps_not_converged, residual_qm16, residual_natural_map, contacts, active_contacts,
+    mean_penetration, max_penetration
+);
 
 impl From<component::Parameters> for SolverParameters {
     fn from(p: component::Parameters) -> Self {

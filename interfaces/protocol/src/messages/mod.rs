@@ -23,7 +23,7 @@ pub use hash::{Digest, StateHash};
 pub use input::{AdvanceRequest, BodyLoad, BodyMotion, MotionKnot, WrenchKnot};
 pub use message::Message;
 pub use reply::{
-    AdvanceReply, EnergyBalance, SolverParameters, SolverStats, SqueezeReport, WindowRecord,
+    AdvanceReply, EnergyLedger, SolverParameters, SolverStats, SqueezeReport, WindowRecord,
     WrenchImpulse, ZoneMeasurement,
 };
 pub use ros::{

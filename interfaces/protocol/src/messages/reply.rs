@@ -155,7 +155,7 @@ message!(
 message!(
     /// Energies of the grains since the start of the run, J.
     #[derive(Copy)]
-    EnergyBalance {
+    EnergyLedger {
         /// Kinetic energy at the start.
         initial_kinetic: f64,
         /// Potential energy at the start.
@@ -201,7 +201,7 @@ message!(
         /// Solver statistics.
         solver: SolverStats,
         /// Energies of the grains.
-        energy: EnergyBalance,
+        energy: EnergyLedger,
         /// Hash of the state at `t1_ns`.
         hash: StateHash,
         /// Largest sensible spacing of motion knots, ns; 0: no advice.

@@ -91,7 +91,7 @@ fn loads_come_back_to_the_bit() {
 #[test]
 fn outcomes_come_back_to_the_bit() {
     let energy = ballast::state::EnergyLedger { kinetic: 0.1, work_in: -3.0, ..Default::default() };
-    let message = EnergyBalance::from(energy);
+    let message = EnergyLedger::from(energy);
     assert_eq!(message.balance_error, 0.1 + 3.0);
     assert_eq!(ballast::state::EnergyLedger::from(message), energy);
     let body = component::BodyResult {

@@ -1,4 +1,4 @@
-//! Run of a case: its component, and the driver that moves the bodies.
+//! Stepper of a run or a replay: the component of a case, and the driver that moves its bodies.
 
 use crate::case::{self, Case};
 use ballast::component::{Component, DrivenWindow, Session};
@@ -11,10 +11,10 @@ use ballast_session::driver::{self, RunDriver, RunObserver};
 use ballast_session::recording_driver::RecordingDriver;
 use std::sync::Arc;
 
-/// Session of a run or a replay.
-pub struct RunSession(Session<RunDriver>);
+/// Component of a case with the driver that moves its bodies, advanced step by step.
+pub struct CaseStepper(Session<RunDriver>);
 
-impl RunSession {
+impl CaseStepper {
     /// Joins the component of a case at `state` with its driver.
     pub fn new(case: &Case, model: Model, state: State, driver: RunDriver) -> Result<Self> {
         Ok(Self(Session::new(case::component(case, Arc::new(model), state)?, driver)))
