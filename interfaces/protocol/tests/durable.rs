@@ -7,12 +7,12 @@ use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
 use ballast_protocol::lockstep::{
-    AttachRequest, ErrorCode, Lockstep, ParameterUpdate, RequestError, StateName, WindowControl,
-    WindowKind,
+    AttachRequest, ErrorCode, Lockstep, ParameterUpdate, RequestError, StateName, WindowKind,
 };
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, Digest, ReplyStatus,
 };
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 const MS: i64 = 1_000_000;
@@ -47,7 +47,7 @@ fn window(
     kind: WindowKind,
     request: &AdvanceRequest,
 ) -> Result<AdvanceReply, RequestError> {
-    lockstep.window(kind, request, TICKET, &|| 0, &mut |_| WindowControl::Continue)
+    lockstep.window(kind, request, TICKET, &|| 0, &mut |_| ControlFlow::Continue(()))
 }
 
 #[test]

@@ -31,7 +31,7 @@ pub use run_control::empty_model;
 use saved_states::SavedStates;
 pub use saved_states::{MAX_SAVED_STATES, SavedState};
 pub use timing::{WallClock, WindowTiming};
-pub use window::{WindowControl, WindowPoll};
+pub use window::WindowPoll;
 
 use crate::messages::{AdvanceReply, Digest, StateHash};
 use ballast::component::Component;

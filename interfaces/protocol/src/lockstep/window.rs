@@ -15,21 +15,12 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 const NS_PER_MS: u64 = 1_000_000;
 
 /// Callback polled between the steps of a window and during long steps, from any worker thread.
-pub type WindowPoll<'a> = &'a mut (dyn FnMut(&WindowProgress) -> WindowControl + Send);
-
-/// Result of a poll: continue the running window, or end it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum WindowControl {
-    /// Continues the window.
-    Continue,
-    /// The deadline has passed; the request's deadline policy decides what happens.
-    DeadlineExceeded,
-    /// The client no longer waits; the window is rolled back as if it had not been requested.
-    Cancel,
-}
+///
+/// `Break` means that the client no longer waits: the window is rolled back as if it had not been requested.
+pub type WindowPoll<'a> = &'a mut (dyn FnMut(&WindowProgress) -> ControlFlow<()> + Send);
 
 impl Lockstep {
-    /// Computes the next window, or the last one again; `clock` returns the wall time, ns.
+    /// Computes the next window, or the last one again; `clock` returns the wall time, ns, and decides on the deadline.
     ///
     /// Problems during the computation are part of the reply, not errors.
     ///
@@ -83,14 +74,17 @@ impl Lockstep {
         }
         self.check_series(request)?;
         let before = self.component.save();
+        let start_ns = clock();
+        let allowed_ns = NS_PER_MS * u64::from(request.deadline_ms);
         let mut monitor = WindowMonitor {
             progress: WindowProgress {
                 seq: request.seq,
                 steps: self.steps(request),
                 ..WindowProgress::default()
             },
-            policy: request.deadline_policy,
-            start_ns: clock(),
+            deadline_policy: request.deadline_policy,
+            start_ns,
+            deadline_ns: (allowed_ns > 0).then(|| start_ns.saturating_add(allowed_ns)),
             clock,
             poll,
             timer: PhaseTimer::start(clock),
@@ -251,9 +245,11 @@ impl Lockstep {
 /// Observer of a running window: measures, records and polls.
 struct WindowMonitor<'a> {
     progress: WindowProgress,
-    policy: DeadlinePolicy,
+    deadline_policy: DeadlinePolicy,
     /// Wall time at the start of the window, ns.
     start_ns: u64,
+    /// Wall time after which the window is late, ns; `None` without a deadline.
+    deadline_ns: Option<u64>,
     clock: WallClock<'a>,
     poll: WindowPoll<'a>,
     timer: PhaseTimer<'a>,
@@ -275,16 +271,15 @@ impl WindowMonitor<'_> {
     /// Polls the caller and returns the reason to end the window, if any.
     fn poll_stop(&mut self) -> Option<StopReason> {
         self.progress.elapsed_ms = self.elapsed_ms();
-        match ((self.poll)(&self.progress), self.policy) {
-            (WindowControl::Cancel, _) => Some(StopReason::Cancel),
-            // A finished window is not late.
-            (WindowControl::DeadlineExceeded, _) if self.progress.step == self.progress.steps => {
-                None
-            }
-            (WindowControl::DeadlineExceeded, DeadlinePolicy::Discard) => Some(StopReason::Discard),
-            (WindowControl::DeadlineExceeded, DeadlinePolicy::Early) => Some(StopReason::Early),
-            (WindowControl::DeadlineExceeded, DeadlinePolicy::Finish)
-            | (WindowControl::Continue, _) => None,
+        if (self.poll)(&self.progress).is_break() {
+            return Some(StopReason::Cancel);
+        }
+        let is_finished = self.progress.step == self.progress.steps;
+        let is_late = self.deadline_ns.is_some_and(|deadline| (self.clock)() >= deadline);
+        match self.deadline_policy {
+            DeadlinePolicy::Discard if is_late && !is_finished => Some(StopReason::Discard),
+            DeadlinePolicy::Early if is_late && !is_finished => Some(StopReason::Early),
+            _ => None,
         }
     }
 

@@ -3,12 +3,33 @@
 use crate::{MS, ask, lockstep, straight, window};
 use ballast_protocol::lockstep::WindowKind::{Advance, Redo};
 use ballast_protocol::lockstep::{
-    ComponentState, ErrorCode, ParameterUpdate, StateName, WindowControl, WindowProgress,
+    ComponentState, ErrorCode, Lockstep, ParameterUpdate, StateName, WindowProgress,
 };
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, DeadlinePolicy, InterpolationMode, ReplyStatus, StepSeries,
     Vector3,
 };
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Computes the next window, with a deadline of 1 ms that passes as soon as `is_late`.
+fn overdue(
+    lockstep: &mut Lockstep,
+    request: &AdvanceRequest,
+    ticket: &str,
+    mut is_late: impl FnMut(&WindowProgress) -> bool + Send,
+) -> AdvanceReply {
+    assert_eq!(request.deadline_ms, 1);
+    let now = AtomicU64::new(0);
+    let mut poll = |p: &WindowProgress| {
+        if is_late(p) {
+            now.store(MS as u64, Ordering::Relaxed);
+        }
+        ControlFlow::Continue(())
+    };
+    let clock = || now.load(Ordering::Relaxed);
+    lockstep.window(Advance, request, ticket, &clock, &mut poll).unwrap()
+}
 
 #[test]
 fn a_deadline_ends_a_window_as_it_asks() {
@@ -19,14 +40,13 @@ fn a_deadline_ends_a_window_as_it_asks() {
     ] {
         let (mut lockstep, ticket) = lockstep();
         let start = lockstep.position().hash;
-        let request = AdvanceRequest { deadline_policy: policy, ..window(1) };
-        let mut late = |p: &WindowProgress| {
+        let request = AdvanceRequest { deadline_ms: 1, deadline_policy: policy, ..window(1) };
+        let reply = overdue(&mut lockstep, &request, &ticket, |p| {
             assert!(
                 p.iterations.is_some() && p.residual_qm16.is_some() && p.remaining_ms.is_some()
             );
-            if p.step >= 2 { WindowControl::DeadlineExceeded } else { WindowControl::Continue }
-        };
-        let reply = lockstep.window(Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+            p.step >= 2
+        });
         let same = reply.status == status
             || (status == ReplyStatus::Ok && reply.status == ReplyStatus::Warn);
         assert!(same && reply.steps == steps, "{policy:?}: {reply:?}");
@@ -100,13 +120,11 @@ fn a_window_is_told_step_by_step_where_that_is_asked_for() {
     // A rolled-back window has no step series.
     let request = AdvanceRequest {
         record_steps: true,
+        deadline_ms: 1,
         deadline_policy: DeadlinePolicy::Discard,
         ..window(2)
     };
-    let mut late = |p: &WindowProgress| {
-        if p.step >= 2 { WindowControl::DeadlineExceeded } else { WindowControl::Continue }
-    };
-    let reply = lockstep.window(Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+    let reply = overdue(&mut lockstep, &request, &ticket, |p| p.step >= 2);
     assert_eq!(reply.step_series, StepSeries::default());
 }
 
@@ -140,7 +158,7 @@ fn a_cancelled_window_is_rolled_back_and_keeps_its_number() {
         let mut other = window(if kind == Redo { 1 } else { 2 });
         other.motions[0].knots[1].pose.position.z += 1e-4;
         let mut stop = |p: &WindowProgress| {
-            if p.step == 3 { WindowControl::Cancel } else { WindowControl::Continue }
+            if p.step == 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let fault = lockstep.window(kind, &other, &ticket, &|| 0, &mut stop).unwrap_err();
         assert_eq!(fault.code, ErrorCode::Cancelled, "{kind:?}");
@@ -171,18 +189,17 @@ fn a_step_without_end_is_ended_like_any_other() {
     };
     lockstep.set_parameters(&set(u32::MAX, 1e-300), &ticket).unwrap();
     let on = AdvanceRequest { t0_ns: 300 * MS, t1_ns: 302 * MS, motions: vec![], ..window(2) };
-    let mut gone = |_: &WindowProgress| WindowControl::Cancel;
+    let mut gone = |_: &WindowProgress| ControlFlow::Break(());
     let fault = lockstep.window(Advance, &on, &ticket, &|| 0, &mut gone).unwrap_err();
     assert_eq!((fault.code, lockstep.position().seq), (ErrorCode::Cancelled, 1));
     for (seq, policy) in [(2, DeadlinePolicy::Discard), (3, DeadlinePolicy::Early)] {
         let mut asked = 0;
-        let mut late = |p: &WindowProgress| {
+        let request = AdvanceRequest { seq, deadline_ms: 1, deadline_policy: policy, ..on.clone() };
+        let reply = overdue(&mut lockstep, &request, &ticket, |p| {
             asked += 1;
             assert_eq!(p.step, 0);
-            if asked > 3 { WindowControl::DeadlineExceeded } else { WindowControl::Continue }
-        };
-        let request = AdvanceRequest { seq, deadline_policy: policy, ..on.clone() };
-        let reply = lockstep.window(Advance, &request, &ticket, &|| 0, &mut late).unwrap();
+            asked > 3
+        });
         // No step was done that could be kept.
         let told = (reply.status, &reply.code[..], reply.steps, reply.t1_ns);
         assert_eq!(told, (ReplyStatus::Discard, "deadline", 0, 300 * MS));

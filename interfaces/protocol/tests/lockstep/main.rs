@@ -15,10 +15,9 @@ mod states;
 use ballast::component::{Component, Limits};
 use ballast::model::{Model, Schedule};
 use ballast::state::State;
-use ballast_protocol::lockstep::{
-    AttachRequest, Lockstep, RequestError, WindowControl, WindowKind,
-};
+use ballast_protocol::lockstep::{AttachRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Digest};
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 const MS: i64 = 1_000_000;
@@ -68,7 +67,7 @@ fn ask(
     request: &AdvanceRequest,
     ticket: &str,
 ) -> Result<AdvanceReply, RequestError> {
-    lockstep.window(kind, request, ticket, &|| 0, &mut |_| WindowControl::Continue)
+    lockstep.window(kind, request, ticket, &|| 0, &mut |_| ControlFlow::Continue(()))
 }
 
 /// The reply to windows 1 to `last`, one after the other.

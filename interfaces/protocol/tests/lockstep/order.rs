@@ -2,9 +2,10 @@
 
 use crate::common::scene::Random;
 use crate::{MS, ask, lockstep, straight, window};
+use ballast_protocol::lockstep::ErrorCode;
 use ballast_protocol::lockstep::WindowKind::{Advance, Redo};
-use ballast_protocol::lockstep::{ErrorCode, WindowControl};
 use ballast_protocol::messages::{AdvanceRequest, ReplyStatus};
+use std::ops::ControlFlow;
 
 #[test]
 fn a_retry_is_answered_from_memory_and_computes_nothing() {
@@ -17,7 +18,7 @@ fn a_retry_is_answered_from_memory_and_computes_nothing() {
     let mut steps = 0;
     let again = lockstep.window(Advance, &window(1), &ticket, &|| 0, &mut |_| {
         steps += 1;
-        WindowControl::Continue
+        ControlFlow::Continue(())
     });
     assert_eq!((again.unwrap(), steps), (first.clone(), 0));
     assert_eq!(lockstep.computed_windows(), 1);

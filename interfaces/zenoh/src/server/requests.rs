@@ -7,11 +7,12 @@ use super::{Service, find_token};
 use crate::{Error, wire};
 use ballast_protocol::lockstep::{
     AttachRequest, ErrorCode, InitRequest, ParameterUpdate, RequestError, RequestKind, RunPosition,
-    StateName, WindowControl, WindowKind, WindowProgress,
+    StateName, WindowKind, WindowProgress,
 };
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, Message, SolverParameters};
 use ballast_protocol::schema::EmptyRequest;
 use ballast_protocol::{from_cdr, from_json};
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
 use zenoh::query::Query;
@@ -94,19 +95,14 @@ impl Service<'_> {
     ) -> Result<AdvanceReply, RequestError> {
         let shared = Arc::clone(&self.shared);
         let clock = &move || shared.now_ns();
-        let allowed = Duration::from_millis(request.deadline_ms.into()).as_nanos() as u64;
-        let due = (allowed > 0).then(|| clock() + allowed);
         let (shared, hooks) = (Arc::clone(&self.shared), &mut *self.hooks);
         // Also called by worker threads, with the hooks, while the window is computed.
         let mut poll = move |progress: &WindowProgress| {
             shared.set_progress(progress);
             if hooks.is_stopped() || shared.is_owner_lost() || shared.is_owner_leaving() {
-                WindowControl::Cancel
-            } else if due.is_some_and(|due| clock() >= due) {
-                WindowControl::DeadlineExceeded
-            } else {
-                WindowControl::Continue
+                return ControlFlow::Break(());
             }
+            ControlFlow::Continue(())
         };
         // Before the first step, which may take long: a client that sees an idle component repeats its request.
         let steps = self.lockstep.steps(request);

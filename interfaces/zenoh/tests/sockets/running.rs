@@ -109,9 +109,10 @@ fn time_runs_starves_goes_on_and_stops_and_can_be_computed_again() {
         ballast_protocol::lockstep::AttachRequest { client: "me".into(), ..Default::default() };
     again.attach(&ask, "t".into(), 0).unwrap();
     for (request, hash) in windows.iter() {
-        use ballast_protocol::lockstep::{WindowControl, WindowKind};
+        use ballast_protocol::lockstep::WindowKind;
+        use std::ops::ControlFlow;
         let reply = again
-            .window(WindowKind::Advance, request, "t", &|| 0, &mut |_| WindowControl::Continue)
+            .window(WindowKind::Advance, request, "t", &|| 0, &mut |_| ControlFlow::Continue(()))
             .unwrap();
         assert_eq!(reply.hash.to_string(), *hash);
     }
