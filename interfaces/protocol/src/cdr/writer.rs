@@ -37,9 +37,26 @@ impl CdrWriter {
     }
 }
 
-/// Returns the error of a type that ROS 2 messages cannot express.
-fn unsupported<T>(what: &str) -> Result<T, MessageError> {
-    Err(MessageError::new("", "a type of ROS 2 messages", what))
+/// Returns the error of a method for a type that ROS 2 messages cannot express.
+fn unsupported<T>(method: &str) -> Result<T, MessageError> {
+    let kind = method.trim_start_matches("serialize_").replace('_', " ");
+    Err(MessageError::new("", "a type of ROS 2 messages", kind))
+}
+
+macro_rules! numbers {
+    ($($method:ident $type:ty),*) => {$(
+        fn $method(self, v: $type) -> Result<(), MessageError> {
+            self.number(v.to_le_bytes())
+        }
+    )*};
+}
+
+macro_rules! unsupported {
+    ($($method:ident($($argument:ty),*) -> $ok:ty),*) => {$(
+        fn $method(self, $(_: $argument),*) -> Result<$ok, MessageError> {
+            unsupported(stringify!($method))
+        }
+    )*};
 }
 
 type Unsupported = Impossible<(), MessageError>;
@@ -62,36 +79,20 @@ impl Serializer for &mut CdrWriter {
     fn serialize_bool(self, v: bool) -> Result<(), MessageError> {
         self.number([u8::from(v)])
     }
-    fn serialize_i8(self, v: i8) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_i16(self, v: i16) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_i32(self, v: i32) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_i64(self, v: i64) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_u8(self, v: u8) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_u16(self, v: u16) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_u32(self, v: u32) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_u64(self, v: u64) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_f32(self, v: f32) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
-    fn serialize_f64(self, v: f64) -> Result<(), MessageError> {
-        self.number(v.to_le_bytes())
-    }
+    numbers!(
+        serialize_i8 i8, serialize_i16 i16, serialize_i32 i32, serialize_i64 i64, serialize_u8 u8,
+        serialize_u16 u16, serialize_u32 u32, serialize_u64 u64, serialize_f32 f32, serialize_f64 f64
+    );
+
+    unsupported!(
+        serialize_char(char) -> (), serialize_none() -> (), serialize_unit() -> (),
+        serialize_unit_struct(&'static str) -> (),
+        serialize_unit_variant(&'static str, u32, &'static str) -> (),
+        serialize_tuple_struct(&'static str, usize) -> Unsupported,
+        serialize_tuple_variant(&'static str, u32, &'static str, usize) -> Unsupported,
+        serialize_map(Option<usize>) -> Unsupported,
+        serialize_struct_variant(&'static str, u32, &'static str, usize) -> Unsupported
+    );
 
     fn serialize_str(self, v: &str) -> Result<(), MessageError> {
         if let Some(at) = v.bytes().position(|b| b == 0) {
@@ -110,7 +111,7 @@ impl Serializer for &mut CdrWriter {
     }
 
     fn serialize_seq(self, length: Option<usize>) -> Result<Self, MessageError> {
-        let Some(length) = length else { return unsupported("a sequence of unknown length") };
+        let Some(length) = length else { return unsupported("sequence of unknown length") };
         self.length(length)?;
         Ok(self)
     }
@@ -131,91 +132,41 @@ impl Serializer for &mut CdrWriter {
         value.serialize(self)
     }
 
-    fn serialize_char(self, _: char) -> Result<(), MessageError> {
-        unsupported("a character")
-    }
-    fn serialize_none(self) -> Result<(), MessageError> {
-        unsupported("an option")
-    }
     fn serialize_some<T: ?Sized + Serialize>(self, _: &T) -> Result<(), MessageError> {
-        unsupported("an option")
+        unsupported("serialize_some")
     }
-    fn serialize_unit(self) -> Result<(), MessageError> {
-        unsupported("nothing")
-    }
-    fn serialize_unit_struct(self, name: &'static str) -> Result<(), MessageError> {
-        unsupported(name)
-    }
-    fn serialize_unit_variant(
-        self,
-        name: &'static str,
-        _: u32,
-        _: &'static str,
-    ) -> Result<(), MessageError> {
-        unsupported(name)
-    }
+
     fn serialize_newtype_variant<T: ?Sized + Serialize>(
         self,
-        name: &'static str,
+        _: &'static str,
         _: u32,
         _: &'static str,
         _: &T,
     ) -> Result<(), MessageError> {
-        unsupported(name)
-    }
-    fn serialize_tuple_struct(
-        self,
-        name: &'static str,
-        _: usize,
-    ) -> Result<Unsupported, MessageError> {
-        unsupported(name)
-    }
-    fn serialize_tuple_variant(
-        self,
-        name: &'static str,
-        _: u32,
-        _: &'static str,
-        _: usize,
-    ) -> Result<Unsupported, MessageError> {
-        unsupported(name)
-    }
-    fn serialize_map(self, _: Option<usize>) -> Result<Unsupported, MessageError> {
-        unsupported("a map")
-    }
-    fn serialize_struct_variant(
-        self,
-        name: &'static str,
-        _: u32,
-        _: &'static str,
-        _: usize,
-    ) -> Result<Unsupported, MessageError> {
-        unsupported(name)
+        unsupported("serialize_newtype_variant")
     }
 }
 
-impl SerializeSeq for &mut CdrWriter {
-    type Ok = ();
-    type Error = MessageError;
+macro_rules! elements {
+    ($($access:ident),*) => {$(
+        impl $access for &mut CdrWriter {
+            type Ok = ();
+            type Error = MessageError;
 
-    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), MessageError> {
-        value.serialize(&mut **self)
-    }
-    fn end(self) -> Result<(), MessageError> {
-        Ok(())
-    }
+            fn serialize_element<T: ?Sized + Serialize>(
+                &mut self,
+                value: &T,
+            ) -> Result<(), MessageError> {
+                value.serialize(&mut **self)
+            }
+            fn end(self) -> Result<(), MessageError> {
+                Ok(())
+            }
+        }
+    )*};
 }
 
-impl SerializeTuple for &mut CdrWriter {
-    type Ok = ();
-    type Error = MessageError;
-
-    fn serialize_element<T: ?Sized + Serialize>(&mut self, value: &T) -> Result<(), MessageError> {
-        value.serialize(&mut **self)
-    }
-    fn end(self) -> Result<(), MessageError> {
-        Ok(())
-    }
-}
+elements!(SerializeSeq, SerializeTuple);
 
 impl SerializeStruct for &mut CdrWriter {
     type Ok = ();
