@@ -1,16 +1,17 @@
 //! The running call of a simulation, and its cancellation by other threads.
 
 use crate::lock::lock;
+use ballast::cancel::{CancelToken, StopReason};
 use std::process;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex};
 use std::thread::{self, ThreadId};
 
 /// State of the calls of a simulation; one thread at a time makes a call.
 #[derive(Default)]
 pub struct CallState {
     /// Cancels the running call: a window within its step, a wait for a remote reply within a moment.
-    pub cancelled: Arc<AtomicBool>,
+    pub cancel: CancelToken,
     /// Process and thread of the running call; a fork of the process has no such thread.
     caller: Mutex<Option<(u32, ThreadId)>>,
     /// No further call begins.
@@ -29,25 +30,30 @@ impl Drop for CallGuard<'_> {
 impl CallState {
     /// Begins a call; it is cancelled at once after [`CallState::close`].
     pub fn begin(&self) -> CallGuard<'_> {
-        self.begin_as(self.is_closing())
+        let call = self.begin_last();
+        if self.is_closing() {
+            self.cancel.cancel(StopReason::Early);
+        }
+        call
     }
 
     /// Begins the last call, after [`CallState::close`].
     pub fn begin_last(&self) -> CallGuard<'_> {
-        self.begin_as(false)
-    }
-
-    fn begin_as(&self, cancelled: bool) -> CallGuard<'_> {
         let mut caller = lock(&self.caller);
         *caller = Some((process::id(), thread::current().id()));
-        self.cancelled.store(cancelled, Ordering::Relaxed);
+        self.cancel.reset();
         CallGuard(self)
     }
 
     /// Cancels the running call, if there is one.
     pub fn stop(&self) {
-        let caller = lock(&self.caller);
-        self.cancelled.fetch_or(caller.is_some(), Ordering::Relaxed);
+        self.cancel_running(*lock(&self.caller));
+    }
+
+    fn cancel_running(&self, caller: Option<(u32, ThreadId)>) {
+        if caller.is_some() {
+            self.cancel.cancel(StopReason::Early);
+        }
     }
 
     /// Cancels the running call and all later ones.
@@ -62,7 +68,7 @@ impl CallState {
         let can_wait = caller.is_none_or(is_other_thread);
         if can_wait {
             self.is_closing.store(true, Ordering::Relaxed);
-            self.cancelled.fetch_or(caller.is_some(), Ordering::Relaxed);
+            self.cancel_running(*caller);
         }
         can_wait
     }

@@ -162,7 +162,7 @@ impl LocalBackend {
         let panics = std::mem::take(&mut self.panics);
         let component = &mut self.component;
         let driver = &mut self.driver;
-        let control = TaskControl::with_flag(Arc::clone(&self.calls.cancelled));
+        let control = TaskControl::new(self.calls.cancel.clone());
         run_controlled(py, threads, &control, |control| {
             let mut observer = WindowObserver { data, panics, control };
             let begin = Instant::now();

@@ -10,6 +10,7 @@ use crate::lock::lock;
 use crate::result::PyWindowResult;
 use crate::state::{CommandedMotion, PyState, RemoteState, StateStorage};
 use crate::threads::{TaskControl, ThreadPoolHandle, run_controlled};
+use ballast::cancel::CancelToken;
 use ballast::component::Twist;
 use ballast::math::Pose;
 use ballast_protocol::MessageError;
@@ -19,7 +20,6 @@ use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, ReplyStatus, core
 use ballast_zenoh::{Client, ComponentDescription, SessionConfig, Timeouts};
 use pyo3::prelude::*;
 use std::collections::BTreeSet;
-use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
@@ -44,16 +44,15 @@ impl RemoteClient {
         py: Python<'_>,
         name: &str,
         link: &SessionConfig,
-        cancelled: Arc<AtomicBool>,
+        cancel: CancelToken,
     ) -> PyResult<(Self, ComponentDescription)> {
         let process = std::process::id();
         check_process(py, *SESSION_PROCESS.get_or_init(|| process))?;
         let threads = ThreadPoolHandle::dedicated();
-        let control = TaskControl::with_flag(Arc::clone(&cancelled));
+        let control = TaskControl::new(cancel.clone());
         let (attached, raised) = run_controlled(py, &threads, &control, |_| {
             let timeouts = Timeouts::default();
-            let client =
-                Client::attach_cancellable(name, link, "python", None, timeouts, cancelled)?;
+            let client = Client::attach_cancellable(name, link, "python", None, timeouts, cancel)?;
             let description = client.describe()?;
             Ok((client, description))
         })?;
@@ -76,7 +75,7 @@ impl RemoteClient {
         work: impl FnOnce(&mut Client) -> T + Send,
     ) -> PyResult<(T, Option<PyErr>)> {
         check_process(py, self.process)?;
-        let control = TaskControl::with_flag(Arc::clone(&self.client().connection().cancelled));
+        let control = TaskControl::new(self.client().connection().cancel.clone());
         let Self { client, threads, .. } = self;
         run_controlled(py, threads, &control, |_| work(client.as_mut().expect(ATTACHED)))
     }
@@ -97,7 +96,7 @@ impl RemoteClient {
     fn detach(&mut self, py: Python<'_>, states: &BTreeSet<String>) -> PyResult<()> {
         let is_of_this_process = self.process == std::process::id();
         let Some(mut client) = self.client.take_if(|_| is_of_this_process) else { return Ok(()) };
-        let control = TaskControl::with_flag(Arc::clone(&client.connection().cancelled));
+        let control = TaskControl::new(client.connection().cancel.clone());
         // A computing component would not reply before the end of its window.
         let is_idle = !client.has_pending();
         let ((), raised) = run_controlled(py, &self.threads, &control, |_| {
@@ -170,8 +169,7 @@ impl RemoteBackend {
         link: SessionConfig,
     ) -> PyResult<(Self, ComponentDescription)> {
         let calls = Arc::<CallState>::default();
-        let cancelled = Arc::clone(&calls.cancelled);
-        let (client, description) = RemoteClient::attach(py, name, &link, cancelled)?;
+        let (client, description) = RemoteClient::attach(py, name, &link, calls.cancel.clone())?;
         let commanded = |body: &BodyDescription| {
             let orientation = body.orientation.try_into()?;
             let pose = Pose { position: body.position.into(), orientation };

@@ -3,6 +3,7 @@
 use crate::errors;
 use crate::inputs::whole;
 use crate::lock::{lock, try_lock};
+use ballast::cancel::{CancelToken, StopReason};
 use ballast::step::MAX_THREADS;
 use ballast_protocol::lockstep::panic_message;
 use pyo3::prelude::*;
@@ -10,7 +11,6 @@ use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::cell::{Cell, OnceCell};
 use std::fmt::Display;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, Mutex};
 use std::thread::{self, ThreadId};
@@ -162,7 +162,7 @@ fn thread_error(py: Python<'_>, error: &dyn Display) -> PyErr {
 /// Cancellation and progress of a computation, shared by its workers and the calling thread.
 #[derive(Default)]
 pub struct TaskControl<'a> {
-    cancelled: Arc<AtomicBool>,
+    cancel: CancelToken,
     /// Callback `progress(fraction, text)`.
     progress: Option<&'a Py<PyAny>>,
     /// Latest progress that was not reported yet.
@@ -174,9 +174,9 @@ pub struct TaskControl<'a> {
 }
 
 impl TaskControl<'_> {
-    /// Returns a control that is cancelled by setting `cancelled`.
-    pub fn with_flag(cancelled: Arc<AtomicBool>) -> Self {
-        Self { cancelled, ..Self::default() }
+    /// Returns a control of a computation that `cancel` ends.
+    pub fn new(cancel: CancelToken) -> Self {
+        Self { cancel, ..Self::default() }
     }
 
     /// Returns true if the computation shall end at its next valid state. The calling thread also handles signals here.
@@ -189,7 +189,7 @@ impl TaskControl<'_> {
             self.poll();
             *last = Instant::now();
         }
-        self.cancelled.load(Ordering::Relaxed)
+        self.cancel.reason().is_some()
     }
 
     /// Returns the same as [`TaskControl::is_cancelled`], for calls within a step.
@@ -224,7 +224,7 @@ impl TaskControl<'_> {
         });
         if let Err(error) = result {
             *raised = Some(error);
-            self.cancelled.store(true, Ordering::Relaxed);
+            self.cancel.cancel(StopReason::Early);
         }
     }
 }

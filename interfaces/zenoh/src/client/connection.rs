@@ -5,15 +5,16 @@
 //! content, other requests by a request number.
 
 use super::liveness::LivenessMonitor;
+use super::send_thread::{POLL_INTERVAL, SendThread};
 use crate::keys::{SCHEMA, last_segment};
 use crate::{DISCONNECT_TIMEOUT, Error, Keys, MAX_MESSAGE_BYTES, Purpose, SessionConfig};
+use ballast::cancel::CancelToken;
 use ballast_protocol::description::ComponentDescription;
 use ballast_protocol::lockstep::{
     ComponentState, ErrorCode, RequestError, RequestKind, StatusReport,
 };
 use serde::de::DeserializeOwned;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use zenoh::bytes::Encoding;
 use zenoh::handlers::FifoChannelHandler;
@@ -25,8 +26,6 @@ use zenoh::{Session, Wait};
 
 /// Delay between two attempts without reply: initial and maximum.
 const RETRY_DELAY: [Duration; 2] = [Duration::from_millis(5), Duration::from_millis(200)];
-/// Interval of checks while the component computes.
-const POLL_INTERVAL: Duration = Duration::from_millis(50);
 /// Timeout of a Zenoh query, after which the request is sent again.
 const QUERY_TIMEOUT: Duration = Duration::from_secs(600);
 
@@ -65,10 +64,11 @@ pub struct Connection {
     session: Session,
     keys: Keys,
     liveness: Arc<LivenessMonitor>,
+    send_thread: SendThread,
     /// Timeouts of calls.
     pub timeouts: Timeouts,
-    /// Flag that ends every call with [`Error::Cancelled`] while it is set.
-    pub cancelled: Arc<AtomicBool>,
+    /// Token that ends every call with [`Error::Cancelled`] until it is reset.
+    pub cancel: CancelToken,
 }
 
 /// Request to be sent.
@@ -107,15 +107,15 @@ impl Connection {
     /// # Errors
     /// An invalid name, or a session that cannot be opened.
     pub fn open(component: &str, link: &SessionConfig, timeouts: Timeouts) -> Result<Self, Error> {
-        Self::open_cancellable(component, link, timeouts, Arc::default())
+        Self::open_cancellable(component, link, timeouts, CancelToken::default())
     }
 
-    /// Opens a connection whose calls end when `cancelled` is set.
+    /// Opens a connection whose calls `cancel` ends.
     pub(super) fn open_cancellable(
         component: &str,
         link: &SessionConfig,
         timeouts: Timeouts,
-        cancelled: Arc<AtomicBool>,
+        cancel: CancelToken,
     ) -> Result<Self, Error> {
         let zenoh = |e: zenoh::Error| Error::transport("zenoh", e);
         let keys = Keys::of(component)?;
@@ -139,8 +139,8 @@ impl Connection {
         };
         let alive = session.liveliness().declare_subscriber(keys.alive_any()).history(true);
         alive.callback(watch).background().wait().map_err(zenoh)?;
-        let link = link.clone();
-        Ok(Self { link, session, keys, liveness, timeouts, cancelled })
+        let (link, send_thread) = (link.clone(), SendThread::start()?);
+        Ok(Self { link, session, keys, liveness, send_thread, timeouts, cancel })
     }
 
     /// Returns the key expressions of the component.
@@ -154,17 +154,34 @@ impl Connection {
         token.map_err(|e| Error::transport("zenoh", e))
     }
 
-    /// Publishes a message without reply.
+    /// Publishes a message without reply; `request` stands for it in errors.
     pub(super) fn put(
         &self,
+        request: &str,
         key: String,
         bytes: Vec<u8>,
         encoding: Encoding,
         ticket: &str,
     ) -> Result<(), Error> {
-        let put = self.session.put(&key, bytes).encoding(encoding).attachment(ticket);
-        let put = put.congestion_control(CongestionControl::Block).express(true);
-        put.wait().map_err(|e| Error::transport(key, e))
+        let ticket = ticket.to_string();
+        self.send(request, Instant::now(), self.timeouts.control, move |session| {
+            let put = session.put(key, bytes).encoding(encoding).attachment(ticket);
+            put.congestion_control(CongestionControl::Block).express(true).wait()
+        })
+    }
+
+    /// Sends a message with `send`; gives up as a call does that began at `begin` and may last for `allowed`.
+    fn send<T: Send + 'static>(
+        &self,
+        request: &str,
+        begin: Instant,
+        allowed: Duration,
+        send: impl FnOnce(&Session) -> zenoh::Result<T> + Send + 'static,
+    ) -> Result<T, Error> {
+        let session = self.session.clone();
+        let check = || self.check(request, begin, allowed);
+        let sent = self.send_thread.run(move || send(&session), check)?;
+        sent.map_err(|e| Error::transport(request, e))
     }
 
     /// Subscribes to all messages of the component; `callback` receives key, encoding and bytes.
@@ -188,8 +205,9 @@ impl Connection {
     /// # Errors
     /// The session fails, or the component refuses the request.
     pub fn last_messages(&self) -> Result<Vec<(String, String, Vec<u8>)>, Error> {
-        let get = self.session.get(self.keys.out_any()).timeout(self.timeouts.control);
-        let replies = get.wait().map_err(|e| Error::transport("zenoh", e))?;
+        let (key, timeout) = (self.keys.out_any(), self.timeouts.control);
+        let get = move |session: &Session| session.get(key).timeout(timeout).wait();
+        let replies = self.send("messages", Instant::now(), timeout, get)?;
         let mut messages = Vec::new();
         for reply in replies {
             match reply.into_result() {
@@ -265,7 +283,7 @@ impl Connection {
                 }
                 Attempt::Refused(_) | Attempt::NoReply => {}
             }
-            self.check(ask, begin, allowed)?;
+            self.check(ask.request, begin, allowed)?;
             self.liveness.wait(pause);
             pause = (2 * pause).min(RETRY_DELAY[1]);
         }
@@ -279,18 +297,18 @@ impl Connection {
         begin: Instant,
         allowed: Duration,
     ) -> Result<Attempt, Error> {
-        let mut get = self
-            .session
-            .get(&ask.key)
-            .timeout(QUERY_TIMEOUT)
-            .congestion_control(CongestionControl::Block)
-            .express(true)
-            .attachment(ask.credentials.clone());
-        if let Some((bytes, encoding)) = &ask.payload {
-            get = get.payload(bytes.clone()).encoding(encoding.clone());
-        }
+        let (key, credentials, payload) =
+            (ask.key.clone(), ask.credentials.clone(), ask.payload.clone());
+        let get = move |session: &Session| {
+            let get = session.get(key).timeout(QUERY_TIMEOUT).attachment(credentials);
+            let get = get.congestion_control(CongestionControl::Block).express(true);
+            match payload {
+                Some((bytes, encoding)) => get.payload(bytes).encoding(encoding).wait(),
+                None => get.wait(),
+            }
+        };
         let asked = Instant::now();
-        let replies = get.wait().map_err(|e| Error::transport(&ask.key, e))?;
+        let replies = self.send(ask.request, begin, allowed, get)?;
         // A request that took long to send may take as long to arrive.
         let (heartbeats, out, took) = (self.liveness.heartbeats(), Instant::now(), asked.elapsed());
         loop {
@@ -305,7 +323,7 @@ impl Connection {
                     }
                 }
                 Ok(None) => {
-                    self.check(ask, begin, allowed)?;
+                    self.check(ask.request, begin, allowed)?;
                     if out.elapsed() >= took && self.liveness.is_idle_since(heartbeats) {
                         sent.push(replies);
                         return Ok(Attempt::NoReply);
@@ -356,19 +374,21 @@ impl Connection {
     }
 
     /// Returns an error if the call is cancelled, the component disconnected, or the timeout expired.
-    fn check(&self, ask: &OutgoingRequest, begin: Instant, allowed: Duration) -> Result<(), Error> {
-        let (request, component) = (ask.request.to_string(), self.keys.name().to_string());
+    fn check(&self, request: &str, begin: Instant, allowed: Duration) -> Result<(), Error> {
         let waited = begin.elapsed();
-        if self.cancelled.load(Ordering::Relaxed) {
-            return Err(Error::Cancelled { request, component, waited_s: waited.as_secs_f64() });
+        let component = self.keys.name().to_string();
+        if self.cancel.reason().is_some() {
+            let (request, waited_s) = (request.into(), waited.as_secs_f64());
+            return Err(Error::Cancelled { request, component, waited_s });
         }
         // A disconnected component is reported as such, also if the timeout is shorter.
-        self.ensure_connected(ask.request, Some(begin), self.timeouts.disconnect.min(allowed))?;
+        self.ensure_connected(request, Some(begin), self.timeouts.disconnect.min(allowed))?;
         if waited < allowed {
             return Ok(());
         }
         let activity = describe_activity(self.liveness.status().as_ref());
-        Err(Error::Timeout { request, component, waited_s: waited.as_secs_f64(), activity })
+        let (request, waited_s) = (request.into(), waited.as_secs_f64());
+        Err(Error::Timeout { request, component, waited_s, activity })
     }
 }
 

@@ -137,6 +137,7 @@ impl Client {
     pub fn put_motion(&self, body: &str, sample: &MotionKnot) -> Result<(), Error> {
         let bytes = to_cdr(sample).map_err(|e| Error::unencodable("motion", e))?;
         self.connection.put(
+            "motion",
             self.connection.keys().input(body),
             bytes,
             cdr::<MotionKnot>(),

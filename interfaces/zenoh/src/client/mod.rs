@@ -3,7 +3,7 @@
 //! Contract: a request without reply is repeated and executed once. After a disconnection the client attaches again
 //! automatically. If the component restarts from an older checkpoint, the client repeats the windows since then and
 //! compares their state hashes. If another client has changed the run, only a saved state or a new run can be used.
-//! Every call ends within its timeout, provided that the transport accepts the message.
+//! Every call ends within its timeout, also if the transport does not accept its message.
 
 mod connection;
 mod control;
@@ -11,11 +11,13 @@ mod journal;
 mod liveness;
 mod pending;
 mod recovery;
+mod send_thread;
 
 pub use connection::{Connection, Timeouts};
 
 use crate::wire::cdr;
 use crate::{Error, SessionConfig, random};
+use ballast::cancel::CancelToken;
 use ballast_protocol::description::ComponentDescription;
 use ballast_protocol::lockstep::{
     AttachRequest, RequestKind, RunPosition, StatusReport, WindowKind,
@@ -26,7 +28,6 @@ use connection::OutgoingRequest;
 use journal::Journal;
 use pending::{Effect, PendingRequest};
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use std::time::Duration;
 use zenoh::liveliness::LivelinessToken;
 
@@ -71,10 +72,10 @@ impl Client {
         run_id: Option<&str>,
         timeouts: Timeouts,
     ) -> Result<Self, Error> {
-        Self::attach_cancellable(component, link, name, run_id, timeouts, Arc::default())
+        Self::attach_cancellable(component, link, name, run_id, timeouts, CancelToken::default())
     }
 
-    /// Attaches like [`Client::attach`]; this and every later call ends when `cancelled` is set.
+    /// Attaches like [`Client::attach`]; `cancel` ends this and every later call.
     ///
     /// # Errors
     /// Those of [`Client::attach`], and [`Error::Cancelled`].
@@ -84,11 +85,11 @@ impl Client {
         name: &str,
         run_id: Option<&str>,
         timeouts: Timeouts,
-        cancelled: Arc<AtomicBool>,
+        cancel: CancelToken,
     ) -> Result<Self, Error> {
         // A unique name, so that a vanished token identifies the connection.
         let id = format!("{name}-{}", &random()?[..8]);
-        let connection = Connection::open_cancellable(component, link, timeouts, cancelled)?;
+        let connection = Connection::open_cancellable(component, link, timeouts, cancel)?;
         let token = connection.declare_client(&id)?;
         let (ticket, owner_count, position, journal) = Default::default();
         let (is_real_time, heartbeats, must_reattach) = (false, 0, false);

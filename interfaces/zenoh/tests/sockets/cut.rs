@@ -69,6 +69,56 @@ fn a_large_request_may_take_its_time_on_a_slow_wire() {
 }
 
 #[test]
+fn a_call_on_a_wire_that_takes_nothing_ends_in_time() {
+    let served = Served::new();
+    let proxy = Proxy::before(&served.endpoint);
+    let folder = tempfile::tempdir().unwrap();
+    let patience = folder.path().join("client.json5");
+    // The component waits for signs of life of this client.
+    std::fs::write(&patience, "{ transport: { link: { tx: { lease: 60000 } } } }").unwrap();
+    let connect = vec![proxy.endpoint.clone()];
+    let link = SessionConfig { connect, ..SessionConfig::from_file(patience) };
+    let second = Duration::from_secs(1);
+    let timeouts = Timeouts { control: second, window: second, ..Timeouts::default() };
+    let mut client = Client::attach(KEY, &link, "first", None, timeouts).unwrap();
+    step(&mut client).unwrap();
+    proxy.fill_up();
+    let t0 = client.position().now_ns;
+    let mut motions = shaking(t0, t0 + WINDOW);
+    // More than buffers on the way take.
+    let at = (0..=130_000).map(|k| t0 + k * WINDOW / 130_000);
+    motions[0].knots = at.map(knot).collect();
+    let in_time = |what: &str, call: &mut dyn FnMut() -> Error| {
+        let begin = Instant::now();
+        let error = call();
+        assert!(matches!(error, Error::Timeout { .. }), "{what}: {error}");
+        let took = begin.elapsed();
+        assert!(took > second / 2 && took < 3 * second, "{what}: {took:?}");
+    };
+    for _ in 0..2 {
+        let motions = motions.clone();
+        in_time("window", &mut || {
+            client.advance_to(t0 + WINDOW, motions.clone(), vec![]).unwrap_err()
+        });
+        in_time("status", &mut || client.status().unwrap_err());
+        in_time("motion", &mut || client.put_motion("floor", &knot(t0)).unwrap_err());
+    }
+    // The window is computed once, as if nothing had been.
+    let restored = Instant::now();
+    proxy.restore();
+    while let Err(error) = client.advance_to(t0 + WINDOW, motions.clone(), vec![]) {
+        assert!(matches!(error, Error::Timeout { .. }), "{error}");
+        assert!(restored.elapsed() < 30 * second, "it does not come back");
+    }
+    proxy.fill_up();
+    let begin = Instant::now();
+    drop(client);
+    assert!(begin.elapsed() < 3 * second, "{:?}", begin.elapsed());
+    proxy.cut();
+    assert_eq!(served.stop().computed_windows(), 2);
+}
+
+#[test]
 fn a_wire_that_stays_cut_is_a_lost_peer_and_one_that_comes_back_goes_on() {
     let (_served, proxy, mut client) = cuttable(Timeouts::default());
     for silent in [false, true] {

@@ -4,11 +4,11 @@ use crate::setup::{
     KEY, MS, Served, WINDOW, attach, lockstep, once_free, patient, shaking, step, times,
     undisturbed, wait_for,
 };
+use ballast::cancel::StopReason;
 use ballast_protocol::lockstep::{ComponentState, ErrorCode, WindowKind};
 use ballast_protocol::messages::AdvanceRequest;
 use ballast_zenoh::session::free_endpoint;
 use ballast_zenoh::{Client, Connection, Error, HEARTBEAT_INTERVAL, Server, SessionConfig};
-use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
@@ -80,7 +80,7 @@ fn a_window_without_end_does_not_outlive_its_owner_for_long() {
     let observer = Connection::open(KEY, &served.link(), patient()).unwrap();
     let mut client = served.client();
     // 58 years of simulated time.
-    let given_up = Arc::clone(&client.connection().cancelled);
+    let given_up = client.connection().cancel.clone();
     let forever = AdvanceRequest {
         motions: vec![],
         ..client.next_request(i64::MAX as u64 / 5 / WINDOW * WINDOW)
@@ -88,7 +88,7 @@ fn a_window_without_end_does_not_outlive_its_owner_for_long() {
     let computing =
         std::thread::spawn(move || client.send(WindowKind::Advance, forever).unwrap_err());
     wait_for(|| observer.status(), ComponentState::Running);
-    given_up.store(true, Ordering::SeqCst);
+    given_up.cancel(StopReason::Cancel);
     let error = computing.join().unwrap();
     assert!(matches!(error, Error::Cancelled { .. }), "{error}");
     let begin = Instant::now();

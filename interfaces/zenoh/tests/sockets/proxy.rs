@@ -1,4 +1,4 @@
-//! A wire that can be cut, can fall silent, can lose what comes back, and can be slow.
+//! A wire that can be cut, can fall silent, can be full, can lose what comes back, and can be slow.
 
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
@@ -13,6 +13,8 @@ const CUT: u8 = 1;
 const SILENT: u8 = 2;
 /// Nothing comes back.
 const DEAF: u8 = 3;
+/// Takes nothing more of the client.
+const FULL: u8 = 4;
 
 /// Forwards connections to `to`.
 pub struct Proxy {
@@ -78,6 +80,11 @@ impl Proxy {
         self.wire.state.store(SILENT, Ordering::SeqCst);
     }
 
+    /// Takes nothing of the client from now on, while all of the component still comes back.
+    pub fn fill_up(&self) {
+        self.wire.state.store(FULL, Ordering::SeqCst);
+    }
+
     /// Drops replies from now on.
     pub fn lose_answers(&self) {
         self.wire.state.store(DEAF, Ordering::SeqCst);
@@ -91,7 +98,12 @@ impl Proxy {
 fn forward(mut from: TcpStream, mut to: TcpStream, back: bool, wire: &Wire) {
     let mut buffer = vec![0; 1 << 16];
     while let Ok(count @ 1..) = from.read(&mut buffer) {
-        while wire.state.load(Ordering::SeqCst) == SILENT {
+        let is_held = || match wire.state.load(Ordering::SeqCst) {
+            SILENT => true,
+            FULL => !back,
+            _ => false,
+        };
+        while is_held() {
             std::thread::sleep(Duration::from_millis(5));
         }
         if back && wire.state.load(Ordering::SeqCst) == DEAF {
