@@ -132,7 +132,7 @@ fn quaternion(c: &[f64; 4]) -> Quat {
 }
 
 /// Returns a pose from position and orientation w x y z.
-fn pose(p: &[f64; 7]) -> Pose {
+pub(crate) fn pose(p: &[f64; 7]) -> Pose {
     Pose {
         position: Vec3::new(p[0], p[1], p[2]),
         orientation: quaternion(&[p[3], p[4], p[5], p[6]]),

@@ -26,7 +26,6 @@ use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
 use crate::hash;
 use crate::seal;
 use ballast::geometry::Polyhedron;
-use ballast::math::{Pose, Vec3};
 use ballast::model::{DrivenBody, Model};
 use ballast::state::State;
 use ballast::workspace::Workspace;
@@ -168,7 +167,7 @@ impl ResultsWriter {
     }
 
     /// Continues an existing file from the checkpoint of step `at_step`; removes later frames and rows,
-    /// which a stopped run wrote after the checkpoint.
+    /// which a stopped run wrote after the checkpoint. Interrupted at any moment, the call can be repeated.
     pub fn append_to(path: impl AsRef<Path>, model: &Model, at_step: u64) -> Result<Self> {
         let path = path.as_ref();
         index_backup::restore(path)?;
@@ -180,12 +179,15 @@ impl ResultsWriter {
             return Err(fault.refused(path));
         }
         let steps = reader.steps().to_vec();
-        let poses = if steps.is_empty() { None } else { Some(reader.poses(0)?) };
+        let kept = steps.partition_point(|&step| step <= at_step);
+        // Of a cut that was interrupted, only the frames that stay are intact.
+        let poses = if kept == 0 { None } else { Some(reader.poses(0)?) };
         let (tables, version) = (reader.table_names()?, reader.version());
         drop(reader);
         seal::take_from_end(path, &SEAL)?;
         let file = open(path, false).map_err(hdf5_error(path, "file"))?;
-        let kept = steps.partition_point(|&step| step <= at_step);
+        // Repairs the file after a crash inside the cut, until the backup of the cut file replaces it.
+        IndexBackup::default().write(path, &file)?;
         let mut writer = Self {
             path: path.into(),
             file,
@@ -268,9 +270,9 @@ impl ResultsWriter {
         add_contacts(&VtkBlock::open(&root, CONTACTS)?, frame)?;
         let group = self.file.group("frames")?;
         let position: Vec<f64> =
-            frame.poses.iter().flat_map(|p| [p.position.x, p.position.y, p.position.z]).collect();
+            frame.poses.iter().flat_map(|p| columns::xyz(&p.position)).collect();
         let orientation: Vec<f64> =
-            frame.poses.iter().map(|p| p.orientation).flat_map(|q| [q.w, q.i, q.j, q.k]).collect();
+            frame.poses.iter().flat_map(|p| columns::wxyz(&p.orientation)).collect();
         if !frame.poses.is_empty() {
             growing::append(&group, "position", &position)?;
             growing::append(&group, "orientation", &orientation)?;
@@ -428,12 +430,4 @@ fn bodies_hash(model: &Model) -> String {
     let mut columns = columns::of(model, &nothing);
     columns.retain(|c| ["shapes", "grains", "driven", "parts"].contains(&c.group()));
     format!("{:032x}", hash::of_columns(&columns))
-}
-
-fn pose(position: &[f64], q: &[f64]) -> Pose {
-    let quaternion = nalgebra::Quaternion::new(q[0], q[1], q[2], q[3]);
-    Pose {
-        position: Vec3::new(position[0], position[1], position[2]),
-        orientation: ballast::math::Quat::new_unchecked(quaternion),
-    }
 }

@@ -5,7 +5,8 @@
 //! files of version 1 have texts in a global heap, and the library may crash on a damaged heap. New files have none.
 
 use super::block::VtkBlock;
-use super::{FORMAT, FORMAT_V1_VLEN_STRINGS, SEAL, VERSION, growing, pose};
+use super::{FORMAT, FORMAT_V1_VLEN_STRINGS, SEAL, VERSION, growing};
+use crate::decode::pose;
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::{image, seal};
 use ballast::math::Pose;
@@ -175,7 +176,8 @@ impl ResultsReader {
         };
         let (position, orientation) = (row("frames/position", 3)?, row("frames/orientation", 4)?);
         let both = position.chunks_exact(3).zip(orientation.chunks_exact(4));
-        Ok(both.map(|(p, q)| pose(p, q)).collect())
+        let pose = |(p, q): (&[f64], &[f64])| pose(&[p[0], p[1], p[2], q[0], q[1], q[2], q[3]]);
+        Ok(both.map(pose).collect())
     }
 
     /// Returns one block in one frame.

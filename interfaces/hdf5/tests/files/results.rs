@@ -242,6 +242,68 @@ fn a_flush_that_was_cut_short_costs_no_frame_of_before_the_checkpoint() {
     assert!(unreadable > 0, "no file was torn where it hurts");
 }
 
+/// Killed while it cuts a file for a continued run, a program leaves the whole file or a backup to repair it from.
+#[cfg(unix)]
+#[test]
+fn a_cut_that_was_interrupted_is_made_again() {
+    const NAME: &str = "results::a_cut_that_was_interrupted_is_made_again";
+    let model = scene::model();
+    if let Ok(path) = std::env::var("BALLAST_TEST_CUT") {
+        ResultsWriter::append_to(path, &model, 395).unwrap();
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    write_frames(&at("whole.h5"), 0..60).close().unwrap();
+    let whole = all_of(&at("whole.h5")).unwrap();
+    write_frames(&at("sealed.h5"), 0..50).close().unwrap();
+    let sealed = all_of(&at("sealed.h5"));
+    // The file without its seal, with its backup, and the file after the cut.
+    std::fs::copy(at("sealed.h5"), at("model.h5")).unwrap();
+    std::mem::forget(ResultsWriter::append_to(at("model.h5"), &model, u64::MAX).unwrap());
+    let old = std::fs::read(at("model.h5")).unwrap();
+    let spare = std::fs::read(at("model.h5.index-backup")).unwrap();
+    std::mem::forget(ResultsWriter::append_to(at("model.h5"), &model, 395).unwrap());
+    let new = std::fs::read(at("model.h5")).unwrap();
+    let continues = |path: &Path, round: usize| {
+        let mut writer = ResultsWriter::append_to(path, &model, 395).unwrap();
+        assert_eq!(writer.last_step(), Some(390), "round {round}");
+        writer.table("solver", &COLUMNS).unwrap();
+        add_frames(&mut writer, &model, 40..60);
+        writer.close().unwrap();
+        assert!(all_of(path).unwrap() == whole, "round {round}");
+    };
+
+    // The system kills a process that writes beyond a limit.
+    let test = format!("exec '{}' --exact {NAME}", std::env::current_exe().unwrap().display());
+    let mut changed = 0;
+    for round in 0..=8 {
+        let (path, backup) = (at("killed.h5"), at("killed.h5.index-backup"));
+        let _ = std::fs::remove_file(&backup);
+        std::fs::copy(at("sealed.h5"), &path).unwrap();
+        let kilobytes = round * old.len() / 8 / 1024;
+        let script = format!("ulimit -c 0; ulimit -f {kilobytes}; {test}");
+        let mut child = Command::new("bash");
+        child.args(["-c", &script]).env("BALLAST_TEST_CUT", &path);
+        child.output().unwrap();
+        let is_uncut = all_of(&path) == sealed;
+        changed += u32::from(!is_uncut && std::fs::read(&path).unwrap() != new);
+        assert!(is_uncut || backup.exists(), "round {round}");
+        continues(&path, round);
+    }
+    assert!(changed > 0, "no kill was inside the cut");
+
+    for round in 0..8 {
+        let path = at(&format!("torn{round}.h5"));
+        let mut mixed = torn(&old, &new, round as u64);
+        // The cut may have shortened the file already.
+        mixed.truncate(if round % 2 == 0 { new.len() } else { usize::MAX });
+        std::fs::write(&path, mixed).unwrap();
+        std::fs::write(at(&format!("torn{round}.h5.index-backup")), &spare).unwrap();
+        continues(&path, round);
+    }
+}
+
 /// The old file with some of its pages, and some of those behind its end, new.
 fn torn(old: &[u8], new: &[u8], seed: u64) -> Vec<u8> {
     const PAGE: usize = 512;
