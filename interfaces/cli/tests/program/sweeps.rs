@@ -116,7 +116,11 @@ fn plans_and_points_that_make_no_sense_are_reported_before_anything_runs() {
     for (plan, code, expected) in [
         ("case = 'tiny.toml'", 3, "at least one point"),
         ("case = 'nowhere.toml'\n[[points]]\n'bed.seed' = 1", 1, "nowhere.toml"),
-        ("case = “tiny.toml”\n[[points]]\n'bed.seed' = 1", 3, "expected: \"tiny.toml\""),
+        (
+            "case = “tiny.toml”\n[[points]]\n'bed.seed' = 1",
+            3,
+            "straight quotation marks: \"tiny.toml\"",
+        ),
         ("case = 'tiny.toml'\n[grid]\n'bed.seed' = [1; 2]", 3, "not TOML: semicolon"),
         ("case = 'tiny.toml'\n[grid]\n'solver.max_iterations' = [20, -1]", 3, "point 2"),
         ("case = 'tiny.toml'\n[[points]]\n'solver.itterations' = 1", 3, "iterations"),
