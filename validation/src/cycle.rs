@@ -4,7 +4,6 @@ use super::check::{CheckFinding, CheckVerdict, DEFAULT_DIGITS, ValidationCheck, 
 use super::samples_progress::map_parallel;
 use super::suite_size::SuiteSize;
 use super::{check_interrupt, listed};
-use ballast::component::{Component, Session};
 use ballast::model::Role;
 use ballast::observe::Coordination;
 use ballast::track;
@@ -12,13 +11,13 @@ use ballast_report::plot::{Chart, SeriesStyle};
 use ballast_session::Reporter;
 use ballast_session::beds;
 use ballast_session::case::{self, Case, CaseOverrides};
-use ballast_session::driver::{self, RunObserver, tamping_driver};
+use ballast_session::case_stepper::CaseStepper;
+use ballast_session::driver::{RunDriver, RunObserver, tamping_driver};
 use ballast_session::record::{self, Column};
 use ballast_session::recorder::compactness;
 use ballast_session::summary::{RunSummary, SummarySettings};
 use ballast_session::{Failure, Result};
 use std::path::Path;
-use std::sync::Arc;
 
 const SMALL: &str = include_str!("cycle.toml");
 const FIRST: &str = include_str!("../../examples/first.toml");
@@ -66,31 +65,29 @@ fn run(
     case.plan.run.stepping.step_ns = settings.step_ns;
     case.plan.run.solver.max_iterations = settings.iterations;
     let (model, state) = beds::scene_without_progress(&case, folder, console)?;
-    let driver = tamping_driver(&case, &model, &state)?;
+    let driver = RunDriver::Cycle(tamping_driver(&case, &model, &state)?);
     let setting = SummarySettings::for_case(&case, &model);
     let mut summary = RunSummary::new(setting.clone());
-    let component = case::component(&case, Arc::new(model), state)?;
-    let mut session = Session::new(component, driver);
+    let mut run = CaseStepper::new(&case, model, state, driver)?;
     let mut observer = RunObserver::start();
     let zones = track::zones(&case.plan);
-    let measure = |component: &Component| compactness(component.model(), component.state(), &zones);
-    summary.take_zones(&measure(session.component()));
+    let measure = |run: &CaseStepper| compactness(run.model(), run.state(), &zones);
+    summary.take_zones(&measure(&run));
     for _ in 0..case.steps() {
-        let stepped = driver::step(&mut session, &mut observer, |_, text| Failure::Failed(text));
+        let stepped = run.step(&mut observer);
         // Also within the step.
         check_interrupt()?;
         let Some((_, report)) = stepped? else { break };
-        let (model, state) = (session.component().model(), session.component().state());
         summary.take_step(&record::row(
-            model.stepping.h(),
-            state,
+            run.model().stepping.h(),
+            run.state(),
             &report,
-            session.driver().cycle().phase(state.time()),
+            run.phase(),
             &Coordination::default(),
             &setting.tracked,
         ));
     }
-    summary.take_zones(&measure(session.component()));
+    summary.take_zones(&measure(&run));
     let tines: Vec<f64> = (setting.tracked.iter().zip(&summary.bodies))
         .filter(|(tracked, _)| tracked.role == Role::Tine)
         .map(|(_, body)| body.squeeze.single.mean())

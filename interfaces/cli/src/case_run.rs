@@ -6,7 +6,6 @@
 //! them never ends a run, see [`NonFatalErrors`].
 
 use crate::case::{self, Case, CaseOverrides};
-use crate::case_stepper::CaseStepper;
 use crate::checkpoint_timer::CheckpointTimer;
 use crate::console::Console;
 use crate::files::{replace_text, shell_word};
@@ -25,6 +24,7 @@ use ballast::workspace::Workspace;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
 use ballast_mcap::Drive;
 use ballast_protocol::lockstep::WindowKind;
+use ballast_session::case_stepper::CaseStepper;
 use ballast_session::driver::{RunDriver, RunObserver, tamping_driver};
 use ballast_session::run_files::RunFiles;
 use ballast_session::run_recorder::RunRecorder;

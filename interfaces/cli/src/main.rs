@@ -5,7 +5,6 @@
 mod args;
 mod body_overlap;
 mod case_run;
-mod case_stepper;
 mod checkpoint_timer;
 mod commands;
 mod console;

@@ -3,11 +3,11 @@
 //! Reads: the workspace of a step. Writes: one file per problem. Contract: dumping changes no bit of the run; the
 //! problem is the one that was solved, without the impulses that its solution started from.
 
-use crate::case_stepper::CaseStepper;
 use crate::files::create_folder;
 use ballast::nlgs::assembled_problem::AssembledProblem;
 use ballast::track::TampingPhase;
 use ballast_hdf5::fclib::{self, Storage};
+use ballast_session::case_stepper::CaseStepper;
 use ballast_session::{Failure, Result};
 use std::path::PathBuf;
 

@@ -1,12 +1,11 @@
-//! Drivers of a run, and its steps: the tamping cycle of the case, or a recording.
+//! Drivers of a run: the tamping cycle of the case, or a recording.
 
 use crate::case::{self, Case};
 use crate::profile::Profile;
 use crate::recording_driver::RecordingDriver;
 use crate::{Failure, Result as Outcome};
 use ballast::component::{
-    Component, DrivenWindow, Driver, Parameters, Refusal, Session, StopReason, TampingDriver,
-    WindowInputs,
+    Component, Driver, Parameters, Refusal, StopReason, TampingDriver, WindowInputs,
 };
 use ballast::model::Model;
 use ballast::state::{DriverState, State};
@@ -132,7 +131,7 @@ impl Driver for RunDriver {
 pub struct RunObserver {
     /// Wall times of the phases.
     pub profile: Profile,
-    report: Option<StepReport>,
+    pub(crate) report: Option<StepReport>,
 }
 
 impl RunObserver {
@@ -154,33 +153,5 @@ impl StepObserver for RunObserver {
 
     fn cancelled(&mut self) -> Option<StopReason> {
         self.profile.cancelled()
-    }
-}
-
-/// Advances a run by one step; `None` where its driver has no more inputs. `failed` makes a failure of the text of a
-/// refused or failed step.
-///
-/// # Errors
-/// [`Failure::Interrupted`] where a stop was requested within the step, which is then not done; failed steps.
-pub fn step<D>(
-    session: &mut Session<D>,
-    observer: &mut RunObserver,
-    failed: impl Fn(&D, String) -> Failure,
-) -> Outcome<Option<(DrivenWindow, StepReport)>>
-where
-    D: Driver,
-    D::Error: Into<DriverFailure>,
-{
-    observer.report = None;
-    let window = session.step(observer);
-    let window = window.map_err(|e| match e.into() {
-        DriverFailure::Failure(failure) => failure,
-        DriverFailure::Refusal(refusal) => failed(session.driver(), refusal.to_string()),
-    })?;
-    let Some(window) = window else { return Ok(None) };
-    match (observer.report.take(), &window.result.error) {
-        (Some(report), None) => Ok(Some((window, report))),
-        (_, Some(error)) => Err(failed(session.driver(), error.to_string())),
-        (None, None) => Err(ballast::Error::Stopped(StopReason::Early).into()),
     }
 }

@@ -4,6 +4,7 @@
 
 pub mod beds;
 pub mod case;
+pub mod case_stepper;
 pub mod driver;
 mod error;
 pub mod files;

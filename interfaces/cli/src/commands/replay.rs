@@ -3,7 +3,6 @@
 use crate::args::{ReplayArgs, TimeName};
 use crate::case::{self, Case, CaseOverrides};
 use crate::case_run::{self, CaseRun};
-use crate::case_stepper::CaseStepper;
 use crate::console::Console;
 use crate::files::expect_different;
 use crate::{beds, body_overlap, interrupt, recording_start};
@@ -12,6 +11,7 @@ use ballast::model::Model;
 use ballast::state::State;
 use ballast_mcap::motion::{self, RecordedMotion, TimeSource};
 use ballast_mcap::recording::{self, WindowReader};
+use ballast_session::case_stepper::CaseStepper;
 use ballast_session::driver::{RunDriver, tamping_driver};
 use ballast_session::recording_driver::RecordingDriver;
 use ballast_session::run_files::RunFiles;

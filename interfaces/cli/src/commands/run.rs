@@ -3,11 +3,11 @@
 use crate::args::{DumpArgs, RunArgs};
 use crate::case::{self, CaseOverrides};
 use crate::case_run::CaseRun;
-use crate::case_stepper::CaseStepper;
 use crate::console::Console;
 use crate::problem_dump::ProblemDump;
 use crate::{beds, interrupt};
 use ballast_session::Result;
+use ballast_session::case_stepper::CaseStepper;
 use ballast_session::driver::{RunDriver, tamping_driver};
 use ballast_session::run_files::RunFiles;
 use std::path::Path;

@@ -1,14 +1,14 @@
 //! Stepper of a run or a replay: the component of a case, and the driver that moves its bodies.
 
+use crate::Result;
 use crate::case::{self, Case};
-use ballast::component::{Component, DrivenWindow, Session};
+use crate::driver::{DriverFailure, RunDriver, RunObserver};
+use crate::recording_driver::RecordingDriver;
+use ballast::component::{Component, DrivenWindow, Session, StopReason};
 use ballast::model::Model;
 use ballast::state::State;
 use ballast::step::StepReport;
 use ballast::track::TampingPhase;
-use ballast_session::Result;
-use ballast_session::driver::{self, RunDriver, RunObserver};
-use ballast_session::recording_driver::RecordingDriver;
 use std::sync::Arc;
 
 /// Component of a case with the driver that moves its bodies, advanced step by step.
@@ -16,18 +16,24 @@ pub struct CaseStepper(Session<RunDriver>);
 
 impl CaseStepper {
     /// Joins the component of a case at `state` with its driver.
+    ///
+    /// # Errors
+    /// A state that does not fit the case.
     pub fn new(case: &Case, model: Model, state: State, driver: RunDriver) -> Result<Self> {
         Ok(Self(Session::new(case::component(case, Arc::new(model), state)?, driver)))
     }
 
+    /// Returns the component.
     pub fn component(&self) -> &Component {
         self.0.component()
     }
 
+    /// Returns the model of the component.
     pub fn model(&self) -> &Model {
         self.component().model()
     }
 
+    /// Returns the state of the component.
     pub fn state(&self) -> &State {
         self.component().state()
     }
@@ -48,6 +54,9 @@ impl CaseStepper {
     }
 
     /// Refuses a recording that cannot move the bodies through the next step; nothing is computed.
+    ///
+    /// # Errors
+    /// The inputs of the step are missing or refused.
     pub fn check_first_step(&mut self) -> Result {
         let (driver, component) = self.0.parts_mut();
         match driver {
@@ -64,6 +73,16 @@ impl CaseStepper {
         &mut self,
         observer: &mut RunObserver,
     ) -> Result<Option<(DrivenWindow, StepReport)>> {
-        driver::step(&mut self.0, observer, RunDriver::failure)
+        observer.report = None;
+        let window = self.0.step(observer).map_err(|e| match e {
+            DriverFailure::Failure(failure) => failure,
+            DriverFailure::Refusal(refusal) => self.0.driver().failure(refusal.to_string()),
+        })?;
+        let Some(window) = window else { return Ok(None) };
+        match (observer.report.take(), &window.result.error) {
+            (Some(report), None) => Ok(Some((window, report))),
+            (_, Some(error)) => Err(self.0.driver().failure(error.to_string())),
+            (None, None) => Err(ballast::Error::Stopped(StopReason::Early).into()),
+        }
     }
 }
