@@ -95,7 +95,7 @@ fn of_results(path: &Path) -> Result<FileSummary> {
     }
     Ok(FileSummary {
         kind: "results",
-        version: reader.version(),
+        version: crate::results::VERSION,
         case_name: reader.metadata("case_name")?,
         key: reader.metadata("key")?,
         grains,

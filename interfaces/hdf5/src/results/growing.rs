@@ -1,6 +1,6 @@
 //! Datasets that grow by rows, and texts in attributes.
 
-use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor, VarLenUnicode};
+use hdf5::types::{FixedAscii, FixedUnicode, TypeDescriptor};
 use hdf5::{Attribute, Dataset, Group, H5Type, Result};
 use ndarray::{ArrayView, IxDyn, SliceInfo, SliceInfoElem};
 
@@ -164,9 +164,8 @@ fn write_texts<const N: usize>(attribute: &Attribute, values: &[&str]) -> Result
     if texts.is_empty() { Ok(()) } else { attribute.write_raw(&texts) }
 }
 
-/// Reads the texts of an attribute and checks that they are UTF-8, which the library does not. Texts of variable length are
-/// read from files of version 1 only.
-pub(crate) fn read_texts(group: &Group, name: &str, version: u32) -> Result<Vec<String>> {
+/// Reads the texts of an attribute and checks that they are UTF-8, which the library does not.
+pub(crate) fn read_texts(group: &Group, name: &str) -> Result<Vec<String>> {
     let attribute = group.attr(name)?;
     let shape = attribute.shape();
     let [count] = shape[..] else { return Err(format!("{name}: expected a row of texts").into()) };
@@ -180,10 +179,6 @@ pub(crate) fn read_texts(group: &Group, name: &str, version: u32) -> Result<Vec<
         TypeDescriptor::FixedUnicode(0..=MAX_TEXT_BYTES) => {
             fixed_texts::<MAX_TEXT_BYTES>(&attribute)
         }
-        TypeDescriptor::VarLenUnicode if version == super::FORMAT_V1_VLEN_STRINGS => {
-            let texts: Vec<VarLenUnicode> = attribute.read_raw()?;
-            Ok(texts.iter().map(|t| told(t.as_bytes())).collect())
-        }
         other => {
             let text =
                 format!("{name}: expected texts of up to {MAX_TEXT_BYTES} bytes, found {other}");
@@ -194,11 +189,7 @@ pub(crate) fn read_texts(group: &Group, name: &str, version: u32) -> Result<Vec<
 
 fn fixed_texts<const N: usize>(attribute: &Attribute) -> Result<Vec<String>> {
     let texts: Vec<FixedUnicode<N>> = attribute.read_raw()?;
-    Ok(texts.iter().map(|t| told(t.as_bytes())).collect())
-}
-
-fn told(text: &[u8]) -> String {
-    String::from_utf8_lossy(text).into_owned()
+    Ok(texts.iter().map(|t| String::from_utf8_lossy(t.as_bytes()).into_owned()).collect())
 }
 
 /// Writes a text of any length as a dataset of bytes.

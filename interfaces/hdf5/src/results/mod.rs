@@ -48,11 +48,8 @@ pub(crate) fn is_block(name: &str) -> bool {
     name == CONTACTS || surface::is_named(name)
 }
 
-/// Version of the format that this program writes.
+/// Version of the format.
 pub const VERSION: u32 = 2;
-
-/// Version with texts of variable length in a heap of the file, which can still be read.
-pub(crate) const FORMAT_V1_VLEN_STRINGS: u32 = 1;
 
 pub(crate) const FORMAT: &str = "ballast-results";
 
@@ -182,7 +179,7 @@ impl ResultsWriter {
         let kept = steps.partition_point(|&step| step <= at_step);
         // Of a cut that was interrupted, only the frames that stay are intact.
         let poses = if kept == 0 { None } else { Some(reader.poses(0)?) };
-        let (tables, version) = (reader.table_names()?, reader.version());
+        let tables = reader.table_names()?;
         drop(reader);
         seal::take_from_end(path, &SEAL)?;
         let file = open(path, false).map_err(hdf5_error(path, "file"))?;
@@ -201,18 +198,12 @@ impl ResultsWriter {
             let extent = surface::extent(model, &poses);
             writer.surfaces = surface::all(model, &poses, &extent);
         }
-        writer.cut(kept, at_step, &tables, version).map_err(hdf5_error(path, "earlier frames"))?;
+        writer.cut(kept, at_step, &tables).map_err(hdf5_error(path, "earlier frames"))?;
         writer.index_backup.write(path, &writer.file)?;
         Ok(writer)
     }
 
-    fn cut(
-        &mut self,
-        frames: usize,
-        at_step: u64,
-        tables: &[String],
-        version: u32,
-    ) -> hdf5::Result<()> {
+    fn cut(&mut self, frames: usize, at_step: u64, tables: &[String]) -> hdf5::Result<()> {
         if frames == 0 {
             // Without a frame, the next one determines the drawn size of half-spaces.
             self.surfaces.clear();
@@ -230,7 +221,7 @@ impl ResultsWriter {
             growing::truncate(&group, name, frames)?;
         }
         for name in tables {
-            let table = TableBuffer::open(&self.file.group("tables")?, name, at_step, version)?;
+            let table = TableBuffer::open(&self.file.group("tables")?, name, at_step)?;
             self.series.insert(name.clone(), table);
         }
         self.file.flush()

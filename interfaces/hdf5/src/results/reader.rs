@@ -1,11 +1,10 @@
 //! Reader of results files: frames as polygons or points, tables, metadata.
 //!
 //! Contract: sizes are compared with the file's size before anything is allocated. Damaged compressed data give an error of
-//! the HDF5 library with the position. Complete results are sealed, so the library never reads a damaged one. Unsealed
-//! files of version 1 have texts in a global heap, and the library may crash on a damaged heap. New files have none.
+//! the HDF5 library with the position. Complete results are sealed, so the library never reads a damaged one.
 
 use super::block::VtkBlock;
-use super::{FORMAT, FORMAT_V1_VLEN_STRINGS, SEAL, VERSION, growing};
+use super::{FORMAT, SEAL, VERSION, growing};
 use crate::decode::pose;
 use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
 use crate::{image, seal};
@@ -20,7 +19,6 @@ pub struct ResultsReader {
     path: PathBuf,
     file: File,
     size: u64,
-    version: u32,
     is_closed: bool,
     steps: Vec<u64>,
 }
@@ -78,15 +76,14 @@ impl ResultsReader {
         }
         let is_closed = seal::check_at_end(path, &SEAL)?;
         let file = image::open(path).map_err(hdf5_error(path, "file"))?;
-        let (path, version, steps) = (path.into(), VERSION, vec![]);
-        let mut reader = Self { path, file, size, version, is_closed, steps };
+        let mut reader = Self { path: path.into(), file, size, is_closed, steps: vec![] };
         reader.check_format()?;
         let steps = reader.dataset("frames/step")?;
         reader.steps = reader.rows(&steps, 0..rows_of(&steps), 1)?;
         Ok(reader)
     }
 
-    fn check_format(&mut self) -> Result<()> {
+    fn check_format(&self) -> Result<()> {
         if !self.file.link_exists("metadata") {
             let found = "an HDF5 file without /metadata";
             return Err(Fault::new("format", FORMAT, found).in_file(&self.path));
@@ -94,9 +91,8 @@ impl ResultsReader {
         let metadata = self.group("metadata")?;
         let version = metadata.attr("version").and_then(|a| a.read_scalar::<u32>());
         let version = version.map_err(hdf5_error(&self.path, "metadata/version"))?;
-        self.version = version;
         let format = self.metadata("format")?;
-        if format == FORMAT && [FORMAT_V1_VLEN_STRINGS, VERSION].contains(&version) {
+        if format == FORMAT && version == VERSION {
             return Ok(());
         }
         Err(Error::Version {
@@ -104,11 +100,6 @@ impl ResultsReader {
             expected: format!("{FORMAT} {VERSION}"),
             found: format!("{format} {version}"),
         })
-    }
-
-    /// Version of the file's format.
-    pub fn version(&self) -> u32 {
-        self.version
     }
 
     /// Returns true if the writer has closed the file. A running or killed run has not.
@@ -123,12 +114,12 @@ impl ResultsReader {
 
     /// Returns a text of `/metadata`: `case_name`, `case_text`, `key` or `program`.
     pub fn metadata(&self, name: &str) -> Result<String> {
-        if name == "case_text" && self.version > FORMAT_V1_VLEN_STRINGS {
+        if name == "case_text" {
             let text = self.dataset("metadata/case_text")?;
             let bytes: Vec<u8> = self.rows(&text, 0..text.size(), 1)?;
             return Ok(String::from_utf8_lossy(&bytes).into_owned());
         }
-        let texts = growing::read_texts(&self.group("metadata")?, name, self.version);
+        let texts = growing::read_texts(&self.group("metadata")?, name);
         let texts = texts.map_err(hdf5_error(&self.path, &format!("metadata/{name}")))?;
         Ok(texts.into_iter().next().unwrap_or_default())
     }
@@ -137,10 +128,7 @@ impl ResultsReader {
     pub fn bodies(&self) -> Result<(u64, Vec<String>)> {
         let metadata = self.group("metadata")?;
         let read = || -> hdf5::Result<_> {
-            Ok((
-                metadata.attr("grains")?.read_scalar()?,
-                growing::read_texts(&metadata, "driven", self.version)?,
-            ))
+            Ok((metadata.attr("grains")?.read_scalar()?, growing::read_texts(&metadata, "driven")?))
         };
         read().map_err(hdf5_error(&self.path, "metadata"))
     }
@@ -148,7 +136,7 @@ impl ResultsReader {
     /// Returns the role of each driven body: `boundary`, `sleeper` or `tine`.
     pub fn roles(&self) -> Result<Vec<String>> {
         let metadata = self.group("metadata")?;
-        let roles = growing::read_texts(&metadata, "driven_roles", self.version);
+        let roles = growing::read_texts(&metadata, "driven_roles");
         roles.map_err(hdf5_error(&self.path, "metadata/driven_roles"))
     }
 
@@ -253,9 +241,7 @@ impl ResultsReader {
     pub fn table(&self, name: &str) -> Result<ResultsTable> {
         let at = format!("tables/{name}");
         let group = self.group(&at)?;
-        let texts = |name| {
-            growing::read_texts(&group, name, self.version).map_err(hdf5_error(&self.path, &at))
-        };
+        let texts = |name| growing::read_texts(&group, name).map_err(hdf5_error(&self.path, &at));
         let columns: Vec<_> = texts("columns")?.into_iter().zip(texts("units")?).collect();
         let steps = self.dataset(&format!("{at}/step"))?;
         let n = rows_of(&steps);

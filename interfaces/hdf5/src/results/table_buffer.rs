@@ -34,11 +34,11 @@ impl TableBuffer {
         Self { columns, steps: vec![], rows: vec![] }
     }
 
-    /// Opens a table of a file of this version and removes the rows after `at_step`.
-    pub fn open(parent: &Group, name: &str, at_step: u64, version: u32) -> Result<Self> {
+    /// Opens a table and removes the rows after `at_step`.
+    pub fn open(parent: &Group, name: &str, at_step: u64) -> Result<Self> {
         let group = parent.group(name)?;
-        let columns = read_texts(&group, "columns", version)?;
-        let units = read_texts(&group, "units", version)?;
+        let columns = read_texts(&group, "columns")?;
+        let units = read_texts(&group, "units")?;
         let dataset = group.dataset("step")?;
         let steps: Vec<u64> = read(&dataset, 0..dataset.shape()[0])?;
         let kept = steps.partition_point(|&step| step <= at_step);
