@@ -2,7 +2,6 @@
 
 use super::{Component, DrivenWindow, Driver};
 use crate::step::StepObserver;
-use std::ops::ControlFlow;
 
 /// Component and the driver that moves its bodies: every run of a case is one.
 #[derive(Debug)]
@@ -20,11 +19,6 @@ impl<D: Driver> Session<D> {
     /// Returns the component.
     pub fn component(&self) -> &Component {
         &self.component
-    }
-
-    /// Returns the component for changes between windows.
-    pub fn component_mut(&mut self) -> &mut Component {
-        &mut self.component
     }
 
     /// Returns the driver.
@@ -48,29 +42,5 @@ impl<D: Driver> Session<D> {
         let step_ns = self.component.model().stepping.step_ns;
         let end_ns = self.component.now_ns().saturating_add(step_ns);
         self.component.advance_driven(end_ns, &mut self.driver, observer)
-    }
-
-    /// Advances step by step to the step number `last`, to the end of the driver's inputs, or until `window_finished`
-    /// returns `Break`.
-    ///
-    /// # Errors
-    /// As for [`Component::advance_driven`], and those of `window_finished`.
-    pub fn run_to<O: StepObserver>(
-        &mut self,
-        last: u64,
-        observer: &mut O,
-        mut window_finished: impl FnMut(
-            &Self,
-            &mut O,
-            DrivenWindow,
-        ) -> Result<ControlFlow<()>, D::Error>,
-    ) -> Result<(), D::Error> {
-        while self.component.state().step < last {
-            let Some(window) = self.step(observer)? else { break };
-            if window_finished(self, observer, window)?.is_break() {
-                break;
-            }
-        }
-        Ok(())
     }
 }

@@ -62,18 +62,16 @@ fn the_state_of_a_driver_follows_the_component() {
     let kept = session.component().save();
     assert_eq!((count(&session), kept.step), (vec![10.0], 10));
     let mut steps = 0;
-    let run = session.run_to(u64::MAX, &mut (), |_, _, window| {
+    while let Some(window) = session.step(&mut ()).expect("a step") {
         assert_eq!(window.result.steps, 1);
         steps += 1;
-        Ok(std::ops::ControlFlow::Continue(()))
-    });
-    run.expect("the steps that are left");
+    }
     assert_eq!((steps, count(&session)), (10, vec![20.0]));
     let end = session.component().save();
     // A redo with other inputs begins with the driver's state before the window.
-    session.component_mut().redo(&[shaken(rest, 19 * MS, 20 * MS)]).expect("a redo");
+    session.parts_mut().1.redo(&[shaken(rest, 19 * MS, 20 * MS)]).expect("a redo");
     assert_eq!(count(&session), [19.0]);
-    session.component_mut().restore(kept).expect("a state of this component");
+    session.parts_mut().1.restore(kept).expect("a state of this component");
     while session.step(&mut ()).expect("a step").is_some() {}
     assert_eq!(session.component().save(), end);
 }

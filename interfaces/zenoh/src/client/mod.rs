@@ -91,24 +91,21 @@ impl Client {
         let id = format!("{name}-{}", &random()?[..8]);
         let connection = Connection::open_cancellable(component, link, timeouts, cancel)?;
         let token = connection.declare_client(&id)?;
-        let (ticket, owner_count, position, journal) = Default::default();
-        let (is_real_time, heartbeats, must_reattach) = (false, 0, false);
-        let (pending, assumed_position, diverged_at, pending_attach) = (None, None, None, None);
         let mut client = Self {
             connection,
             id,
             _token: token,
-            ticket,
-            owner_count,
-            position,
-            journal,
-            is_real_time,
-            heartbeats,
-            must_reattach,
-            pending,
-            assumed_position,
-            diverged_at,
-            pending_attach,
+            ticket: String::new(),
+            owner_count: 0,
+            position: RunPosition::default(),
+            journal: Journal::default(),
+            is_real_time: false,
+            heartbeats: 0,
+            must_reattach: false,
+            pending: None,
+            assumed_position: None,
+            diverged_at: None,
+            pending_attach: None,
         };
         let run_id = run_id.map(str::to_string);
         let ask = AttachRequest { client: client.id.clone(), run_id, ticket: None };
