@@ -168,6 +168,6 @@ fn add_end_of_step_contacts(model: &Model, ws: &mut Workspace) -> bool {
             ws.foreseen.gap[k] = (excess - h * solved.opening(&ws.foreseen, k)).max(0.0);
         }
     }
-    ws.contacts.merge(&ws.foreseen, &mut ws.impulse);
+    ws.contacts.merge(&ws.foreseen, &mut ws.impulse, &mut ws.history);
     !ws.foreseen.is_empty()
 }

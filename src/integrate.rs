@@ -4,7 +4,7 @@
 //! reactions.
 //! Cost: O(bodies + contacts).
 
-use crate::detection::Contacts;
+use crate::detection::{ContactHistory, Contacts};
 use crate::math::{Pose, Quat, Vec3, rotation};
 use crate::model::Model;
 use crate::motion::{Motion, turns_far};
@@ -155,6 +155,39 @@ pub struct StepMotion<'a> {
 }
 
 impl StepMotion<'_> {
+    /// Fills `overlap` with the overlap of each contact's spring at the end of the step, m `[nc]`; zero where it is rigid
+    /// (T-42).
+    pub fn end_overlaps(
+        &self,
+        contacts: &Contacts,
+        history: &ContactHistory,
+        overlap: &mut Vec<f64>,
+    ) {
+        let (has_springs, h) = (!self.model.is_rigid(), self.model.stepping.h());
+        let twist = |b: usize| self.motion.twist(self.velocity, self.angular_velocity, b);
+        let end = |c: usize| {
+            let stiffness = self.model.contact_stiffness(contacts.bodies[c][1] as usize);
+            if !has_springs || stiffness.is_rigid() {
+                return 0.0;
+            }
+            let start = history.spring_gap(c, contacts.gap[c], h);
+            (-start - h * contacts.opening_speed(c, self.motion, twist)).max(0.0)
+        };
+        let contacts = (0..contacts.len()).into_par_iter().with_min_len(1024);
+        contacts.map(end).collect_into_vec(overlap);
+    }
+
+    /// Energy of the springs of contact `c` with impulse `f` (N s) and `overlap` (m) at the end of the step, J (T-42).
+    fn spring_energy(&self, contacts: &Contacts, c: usize, f: &Vec3, overlap: f64) -> f64 {
+        if overlap == 0.0 && *f == Vec3::zeros() {
+            return 0.0;
+        }
+        let (normal, h) = (&contacts.normal[c], self.model.stepping.h());
+        let tangential_squared = (f.norm_squared() - f.dot(normal).powi(2)).max(0.0) / (h * h);
+        let stiffness = self.model.contact_stiffness(contacts.bodies[c][1] as usize);
+        stiffness.energy(overlap, tangential_squared)
+    }
+
     /// Mean velocity over the step of the point of body `b` at `point`, with which impulses do work.
     ///
     /// Prescribed bodies have a constant velocity over the step.
@@ -176,9 +209,11 @@ pub struct ContactBalance {
     pub active: usize,
     /// Contacts of driven bodies with an impulse, ascending.
     driven: Vec<u32>,
-    /// Energy dissipated by the contacts during the step, J: minus the impulses times the mean of the relative
+    /// Energy that contacts took from the bodies during the step, J: minus the impulses times the mean of the relative
     /// velocities before and after.
-    pub dissipated: f64,
+    pub absorbed: f64,
+    /// Energy of the contacts' springs at the end of the step, J (T-42).
+    pub elastic: f64,
     /// Number of penetrating contact points.
     pub penetrating: usize,
     /// Sum of the penetration depths, m.
@@ -189,8 +224,10 @@ pub struct ContactBalance {
 
 impl ContactBalance {
     /// Sums over all contacts in one pass.
-    pub fn new(step: &StepMotion, contacts: &Contacts, impulse: &[Vec3]) -> Self {
-        let ng = step.model.grains.len();
+    ///
+    /// `impulse` are those of the step, world axes, N s, `overlap` those of the springs at its end, m `[nc]`.
+    pub fn new(step: &StepMotion, contacts: &Contacts, impulse: &[Vec3], overlap: &[f64]) -> Self {
+        let (ng, has_springs) = (step.model.grains.len(), !step.model.is_rigid());
         let chunks: Vec<Self> = impulse
             .par_chunks(CHUNK)
             .enumerate()
@@ -202,13 +239,18 @@ impl ContactBalance {
                     part.depth_sum -= gap;
                     part.max_depth = part.max_depth.max(-gap);
                 }
+                if has_springs {
+                    let springs = (k * CHUNK..).zip(chunk);
+                    part.elastic =
+                        springs.map(|(c, f)| step.spring_energy(contacts, c, f, overlap[c])).sum();
+                }
                 // Most contacts are open and without effect.
                 let closed = (k * CHUNK..).zip(chunk).filter(|(_, f)| **f != Vec3::zeros());
                 for (c, f) in closed {
                     let [candidate, antagonist] = contacts.bodies[c];
                     let velocity = |b: u32| step.mean_velocity(b as usize, &contacts.point[c]);
                     part.active += 1;
-                    part.dissipated -= f.dot(&(velocity(candidate) - velocity(antagonist)));
+                    part.absorbed -= f.dot(&(velocity(candidate) - velocity(antagonist)));
                     if antagonist as usize >= ng {
                         part.driven.push(c as u32);
                     }
@@ -219,7 +261,8 @@ impl ContactBalance {
         chunks.into_iter().fold(Self::default(), |mut sum, part| {
             sum.active += part.active;
             sum.driven.extend(part.driven);
-            sum.dissipated += part.dissipated;
+            sum.absorbed += part.absorbed;
+            sum.elastic += part.elastic;
             sum.penetrating += part.penetrating;
             sum.depth_sum += part.depth_sum;
             sum.max_depth = sum.max_depth.max(part.max_depth);
@@ -279,8 +322,10 @@ pub fn open_ledger(model: &Model, state: &State) -> EnergyLedger {
     EnergyLedger {
         initial_kinetic: kinetic,
         initial_potential: potential,
+        initial_elastic: state.energy.elastic,
         kinetic,
         potential,
+        elastic: state.energy.elastic,
         work_in: 0.0,
         dissipated: 0.0,
     }

@@ -77,6 +77,8 @@ pub struct ContactMemory {
     pub local_point: Vec<Vec3>,
     /// Impulse on the candidate, world axes `[nc]`, N s.
     pub impulse: Vec<Vec3>,
+    /// Overlap of the point's spring where the step ended `[nc]`, m; zero where the contact is rigid (T-42).
+    pub overlap: Vec<f64>,
 }
 
 /// Energies since the start of the run, J (T-14).
@@ -86,10 +88,14 @@ pub struct EnergyLedger {
     pub initial_kinetic: f64,
     /// Potential energy of the grains at the start of the run.
     pub initial_potential: f64,
+    /// Energy of the contacts' springs at the start of the run.
+    pub initial_elastic: f64,
     /// Kinetic energy of the grains now.
     pub kinetic: f64,
     /// Potential energy of the grains in gravity now, zero at the world's origin.
     pub potential: f64,
+    /// Energy of the contacts' springs now (T-42).
+    pub elastic: f64,
     /// Work done on the grains by driven bodies.
     pub work_in: f64,
     /// Energy lost in contacts.
@@ -99,8 +105,8 @@ pub struct EnergyLedger {
 impl EnergyLedger {
     /// Returns the energy that the ledger cannot account for, J: zero for an exact integrator.
     pub fn balance_error(&self) -> f64 {
-        (self.kinetic + self.potential)
-            - (self.initial_kinetic + self.initial_potential)
+        (self.kinetic + self.potential + self.elastic)
+            - (self.initial_kinetic + self.initial_potential + self.initial_elastic)
             - self.work_in
             + self.dissipated
     }
@@ -226,18 +232,20 @@ impl ContactMemory {
         self.feature = order.iter().map(|&i| self.feature[i]).collect();
         self.local_point = order.iter().map(|&i| self.local_point[i]).collect();
         self.impulse = order.iter().map(|&i| self.impulse[i]).collect();
+        self.overlap = order.iter().map(|&i| self.overlap[i]).collect();
     }
 
     fn check(&self, model: &Model) -> Result<()> {
         let nc = self.bodies.len();
-        let lengths = [self.feature.len(), self.local_point.len(), self.impulse.len()];
+        let lengths =
+            [self.feature.len(), self.local_point.len(), self.impulse.len(), self.overlap.len()];
         let in_range = |&[candidate, antagonist]: &[u32; 2]| {
             (candidate as usize) < model.grains.len()
                 && candidate < antagonist
                 && (antagonist as usize) < model.body_count()
         };
         let finite = |v: &Vec3| v.iter().all(|x| x.is_finite());
-        let bad = if lengths != [nc; 3] {
+        let bad = if lengths != [nc; 4] {
             Some(format!("arrays of {nc}, {lengths:?}"))
         } else if let Some(pair) = self.bodies.iter().find(|&pair| !in_range(pair)) {
             Some(format!("the pair {pair:?}"))
@@ -245,6 +253,8 @@ impl ContactMemory {
             Some("pairs out of order".into())
         } else if !self.impulse.iter().chain(&self.local_point).all(finite) {
             Some("a number that is not finite".into())
+        } else if let Some(overlap) = self.overlap.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
+            Some(format!("an overlap of {overlap} m"))
         } else {
             None
         };

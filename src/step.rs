@@ -7,7 +7,7 @@
 use crate::cancel::{CancelToken, StopReason};
 use crate::contact_recheck::{self, RecheckReason};
 use crate::ddm::{self, SolveOutcome};
-use crate::detection::{open_impulse, store_contacts, warm_start};
+use crate::detection::{match_contacts, open_impulse, store_contacts};
 use crate::drive::StepInputs;
 use crate::error::{Cause, Error, Result};
 pub use crate::integrate::Reaction;
@@ -89,7 +89,7 @@ pub fn advance(
         if let Some(limit) = inputs.speed_limit {
             limit.check_moved(model, state, next)?;
         }
-        store_contacts(&ws.motion, &ws.contacts, &ws.impulse, &mut next.contacts);
+        store_contacts(&ws.motion, &ws.contacts, &ws.impulse, &ws.overlap, &mut next.contacts);
         observer.phase_finished(Phase::Store);
         report.open_impulse = open;
         report.total_impulse = total;
@@ -106,7 +106,10 @@ fn detect(model: &Model, state: &State, ws: &mut Workspace, observer: &mut impl 
     ws.detector.narrow_phase(model, &ws.motion, &ws.detection_range, &mut ws.contacts);
     observer.phase_finished(Phase::NarrowPhase);
 
-    warm_start(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.impulse);
+    match_contacts(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.history);
+    let factor = model.solver.warm_start_factor;
+    let previous = ws.history.impulse.par_iter().with_min_len(8192);
+    previous.map(|r| r * factor).collect_into_vec(&mut ws.impulse);
     observer.phase_finished(Phase::WarmStart);
 }
 
@@ -123,7 +126,8 @@ fn solve(
     partition(model, ws);
     observer.phase_finished(Phase::Partition);
 
-    ws.problem.build(model, state, &ws.motion, &ws.contacts, &ws.impulse);
+    let Workspace { problem, motion, contacts, impulse, history, .. } = &mut *ws;
+    problem.build(model, state, motion, contacts, impulse, history);
     observer.phase_finished(Phase::LocalProblem);
 
     ws.decomposition.pack(&ws.problem);
@@ -254,18 +258,16 @@ fn integrate_and_report(
     state: &State,
     next: &mut State,
     inputs: &StepInputs,
-    ws: &Workspace,
+    ws: &mut Workspace,
     outcome: &SolveOutcome,
 ) -> StepReport {
-    let (contacts, motion, impulse) = (&ws.contacts, &ws.motion, &ws.impulse);
-    let step_motion = StepMotion {
-        model,
-        state,
-        motion,
-        velocity: &ws.velocity,
-        angular_velocity: &ws.angular_velocity,
-    };
-    let balance = ContactBalance::new(&step_motion, contacts, impulse);
+    let Workspace {
+        contacts, motion, impulse, history, overlap, velocity, angular_velocity, ..
+    } = ws;
+    let (contacts, motion, impulse) = (&*contacts, &*motion, &*impulse);
+    let step_motion = StepMotion { model, state, motion, velocity, angular_velocity };
+    step_motion.end_overlaps(contacts, history, overlap);
+    let balance = ContactBalance::new(&step_motion, contacts, impulse, overlap);
     let reactions = balance.reactions(&step_motion, contacts, impulse);
     integrate::write_end_configuration(&step_motion, inputs.targets, next);
     let rotation_limit = integrate::limit_rotation(&step_motion, next);
@@ -275,7 +277,9 @@ fn integrate_and_report(
         kinetic,
         potential,
         work_in: ledger.work_in + reactions.iter().map(|r| r.work).sum::<f64>(),
-        dissipated: ledger.dissipated + balance.dissipated + rotation_limit.energy,
+        elastic: balance.elastic,
+        dissipated: ledger.dissipated + balance.absorbed + ledger.elastic - balance.elastic
+            + rotation_limit.energy,
         ..ledger
     };
     next.window = Arc::clone(&state.window);

@@ -3,7 +3,7 @@
 //! The content has no effect on the next step: a step with a fresh workspace gives the same bytes.
 
 use crate::ddm::Decomposition;
-use crate::detection::{Contacts, DetectionRange, Detector};
+use crate::detection::{ContactHistory, Contacts, DetectionRange, Detector};
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::motion::Motion;
@@ -19,6 +19,10 @@ pub struct Workspace {
     /// Impulse on the candidate of each contact, world axes, N s `[nc]`: the initial guess during the step, the
     /// solution after it.
     pub impulse: Vec<Vec3>,
+    /// What the contacts have kept from the last step.
+    pub(crate) history: ContactHistory,
+    /// Overlap of each contact's spring at the end of the step, m `[nc]`; zero where it is rigid.
+    pub(crate) overlap: Vec<f64>,
     pub(crate) detector: Detector,
     /// Detection range of each body.
     pub(crate) detection_range: DetectionRange,

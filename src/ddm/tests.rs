@@ -1,11 +1,12 @@
 use super::iteration::AdaptiveRelaxation;
 use super::{Decomposition, SolveOutcome, solve};
-use crate::detection::Contacts;
+use crate::detection::{ContactHistory, Contacts};
 use crate::geometry::cuboid;
 use crate::local_problem::LocalProblem;
 use crate::math::{Pose, Vec3};
 use crate::model::{
-    Acceleration, DrivenBody, Grains, Model, Part, PartitionRule, Role, Schedule, Solver, Stepping,
+    Acceleration, ContactStiffness, DrivenBody, Grains, Model, Part, PartitionRule, Role, Schedule,
+    Solver, Stepping,
 };
 use crate::motion::Motion;
 use crate::state::State;
@@ -28,6 +29,7 @@ pub(super) fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contact
         name: "floor".into(),
         role: Role::Boundary,
         friction: 0.8,
+        stiffness: ContactStiffness::RIGID,
         parts: vec![Part::HalfSpace { normal: Vec3::z(), offset: 0.0 }],
         mount: None,
     };
@@ -54,6 +56,7 @@ pub(super) fn wall(n: usize, m: usize, solver: Solver) -> (Model, State, Contact
         driven: vec![floor],
         gravity: Vec3::new(0.3, 0.0, -9.81),
         grain_friction: 0.6,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: 0.0,
         stepping: Stepping { step_ns: 1_000_000, theta: 0.5, detection_distance: 1e-3 },
         solver,
@@ -97,7 +100,7 @@ pub(super) fn run_with(
     let mut motion = Motion::default();
     motion.predict(model, state, &crate::drive::StepInputs::from_targets(&targets)).unwrap();
     let mut problem = LocalProblem::default();
-    problem.build(model, state, &motion, contacts, start);
+    problem.build(model, state, &motion, contacts, start, &ContactHistory::default());
     let mut decomposition = Decomposition::default();
     let grains = model.grains.len();
     let partition = decomposition.partition_mut();

@@ -1,5 +1,6 @@
 //! Contact points of one configuration.
 
+use super::matching::ContactHistory;
 use crate::math::Vec3;
 use crate::motion::Motion;
 use std::ops::Range;
@@ -89,8 +90,13 @@ impl Contacts {
 
     /// Inserts contacts, or replaces point and normal of those with the same bodies and feature.
     ///
-    /// A known contact keeps its gap if it penetrates. `impulse` stays aligned with the contacts; new ones have none.
-    pub fn merge(&mut self, others: &Contacts, impulse: &mut Vec<Vec3>) {
+    /// A known contact keeps its gap if it penetrates. `impulse` and `history` stay aligned with the contacts; new ones have none.
+    pub fn merge(
+        &mut self,
+        others: &Contacts,
+        impulse: &mut Vec<Vec3>,
+        history: &mut ContactHistory,
+    ) {
         for k in 0..others.len() {
             let (bodies, feature) = (others.bodies[k], others.feature[k]);
             let (point, normal, gap) = (others.point[k], others.normal[k], others.gap[k]);
@@ -108,6 +114,7 @@ impl Contacts {
                 self.normal.insert(i, normal);
                 self.gap.insert(i, gap);
                 impulse.insert(i, Vec3::zeros());
+                history.insert(i);
             }
         }
     }
@@ -131,12 +138,16 @@ mod tests {
         for (bodies, feature) in [([2, 3], 5), ([0, 1], 7), ([0, 1], 5), ([0, 1], 3), ([1, 9], 1)] {
             others.push(bodies, feature, row(9.0), Vec3::z(), 5e-4);
         }
-        contacts.merge(&others, &mut impulse);
+        let mut history =
+            ContactHistory { impulse: impulse.clone(), overlap: vec![1.0, 2.0, 3.0, 4.0] };
+        contacts.merge(&others, &mut impulse, &mut history);
         let places = [[0, 1], [0, 1], [0, 1], [1, 9], [2, 3], [2, 3], [2, 4]];
         assert_eq!(contacts.bodies, places);
         assert_eq!(contacts.feature, [3, 5, 7, 1, 1, 5, 1]);
         assert_eq!(contacts.gap, [5e-4, 5e-4, -1e-3, 5e-4, 2e-3, 5e-4, 2e-3]);
         assert_eq!(impulse, [1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0].map(row));
+        assert_eq!(history.impulse, impulse);
+        assert_eq!(history.overlap, [1.0, 0.0, 2.0, 0.0, 3.0, 0.0, 4.0]);
         let is_new = |i: usize| contacts.normal[i] == Vec3::z() && contacts.point[i] == row(9.0);
         assert_eq!([0, 1, 2, 3, 4, 5, 6].map(is_new), [true, true, true, true, false, true, false]);
     }

@@ -149,6 +149,7 @@ impl<F: Fn([usize; 2]) -> bool + Sync> PairSearch<'_, F> {
         out: &mut ChunkContacts,
     ) {
         out.scratch.points.clear();
+        out.scratch.hull.prefers_overlaps = !self.model.is_rigid();
         out.bodies.clear();
         let first = self.starts[grains.start];
         let all = &self.antagonists[first..first + memory.len()];

@@ -1,6 +1,6 @@
 //! Matching of this step's contacts with those of the last step.
 //!
-//! Reads: motion, contacts, [`ContactMemory`]. Writes: initial impulses, the next memory. Cost: O(contacts).
+//! Reads: motion, contacts, [`ContactMemory`]. Writes: [`ContactHistory`], the next memory. Cost: O(contacts).
 //! Contract: each old contact is used at most once; independent of threads.
 
 use super::contacts::Contacts;
@@ -17,20 +17,58 @@ const TOLERANCE: f64 = 0.2;
 /// Maximum gap of a closed contact, over the candidate's radius.
 const MAX_CLOSED_GAP: f64 = 1e-3;
 
-/// Fills `impulse` with the initial impulse of each contact `[nc]`, world axes, N s (T-20).
+/// Speed with which springs take up overlap that the last step did not foresee, m/s (T-42).
 ///
-/// It is the warm start factor times the impulse of the same contact in `memory`, or zero without one. In a pair of
-/// bodies, contacts with equal features are the same. Of the others, the nearest points in the candidate's frame are
-/// matched first, up to a fifth of its radius.
-pub fn warm_start(
+/// A rotation, or another point of the same two bodies, may reveal an overlap at once. Its spring would throw the bodies
+/// apart with energy that nobody has spent.
+const RECOVERY_SPEED: f64 = 0.05;
+
+/// What the contacts of a step have kept from the last one.
+#[derive(Debug, Clone, Default)]
+pub struct ContactHistory {
+    /// Impulse on the candidate in the last step, world axes, N s `[nc]`; zero for a new contact.
+    pub impulse: Vec<Vec3>,
+    /// Overlap of the contact's spring where the last step ended, m `[nc]`; zero for a new contact.
+    pub overlap: Vec<f64>,
+}
+
+impl ContactHistory {
+    /// Returns the gap that the spring of contact `i` starts a step of `h` seconds with, m, where its bodies have `gap`.
+    pub fn spring_gap(&self, i: usize, gap: f64, h: f64) -> f64 {
+        gap.max(-self.overlap[i] - RECOVERY_SPEED * h)
+    }
+
+    /// Inserts a new contact at place `i`.
+    pub(super) fn insert(&mut self, i: usize) {
+        self.impulse.insert(i, Vec3::zeros());
+        self.overlap.insert(i, 0.0);
+    }
+}
+
+/// Number that stands for no contact.
+const NONE: u32 = u32::MAX;
+
+/// Fills `history` with impulse and overlap of each contact `[nc]` in the last step (T-20).
+///
+/// They are those of the same contact in `memory`, or zero without one. In a pair of bodies, contacts with equal features
+/// are the same. Of the others, the nearest points in the candidate's frame are matched first, up to a fifth of its
+/// radius.
+pub fn match_contacts(
     model: &Model,
     motion: &Motion,
     memory: &ContactMemory,
     contacts: &Contacts,
-    impulse: &mut Vec<Vec3>,
+    history: &mut ContactHistory,
 ) {
-    impulse.resize(contacts.len(), Vec3::zeros());
-    ContactMatching { model, motion, memory, contacts }.run(0, impulse);
+    let mut matches = vec![NONE; contacts.len()];
+    ContactMatching { model, motion, memory, contacts }.run(0, &mut matches);
+    let of = |o: &u32| {
+        let o = *o as usize;
+        let found = memory.impulse.get(o).zip(memory.overlap.get(o));
+        found.map_or((Vec3::zeros(), 0.0), |(impulse, overlap)| (*impulse, *overlap))
+    };
+    let matches = matches.par_iter().with_min_len(8192);
+    matches.map(of).unzip_into_vecs(&mut history.impulse, &mut history.overlap);
 }
 
 /// Returns the sum of the impulses of the previous step, N s, on pairs that are open where it ended, and that on all pairs.
@@ -66,14 +104,14 @@ struct ContactMatching<'a> {
 }
 
 impl ContactMatching<'_> {
-    /// Matches the contacts `from..from + impulse.len()`, which are those of whole pairs.
-    fn run(&self, from: usize, impulse: &mut [Vec3]) {
-        match self.cut(from, impulse.len()) {
+    /// Matches the contacts `from..from + matches.len()`, which are those of whole pairs.
+    fn run(&self, from: usize, matches: &mut [u32]) {
+        match self.cut(from, matches.len()) {
             Some(n) => {
-                let (left, right) = impulse.split_at_mut(n);
+                let (left, right) = matches.split_at_mut(n);
                 rayon::join(|| self.run(from, left), || self.run(from + n, right));
             }
-            None => self.match_all(from, impulse),
+            None => self.match_all(from, matches),
         }
     }
 
@@ -84,12 +122,11 @@ impl ContactMatching<'_> {
         (n > CHUNK).then(|| (n / 2..n).find(starts_pair))?
     }
 
-    fn match_all(&self, from: usize, impulse: &mut [Vec3]) {
-        impulse.fill(Vec3::zeros());
+    fn match_all(&self, from: usize, matches: &mut [u32]) {
         let Some(first) = self.contacts.bodies.get(from) else { return };
         let old_bodies = &self.memory.bodies;
         let mut old = old_bodies.partition_point(|b| b < first);
-        let end = from + impulse.len();
+        let end = from + matches.len();
         let mut used = Vec::new();
         let mut new = from;
         while new < end {
@@ -100,20 +137,19 @@ impl ContactMatching<'_> {
             }
             if old < old_bodies.len() && old_bodies[old] == bodies {
                 let old_end = run_end(old_bodies, old);
-                let impulse = &mut impulse[new - from..next - from];
-                self.pair(new..next, old..old_end, impulse, &mut used);
+                let matches = &mut matches[new - from..next - from];
+                self.pair(new..next, old..old_end, matches, &mut used);
                 old = old_end;
             }
             new = next;
         }
-        impulse.iter_mut().for_each(|f| *f *= self.model.solver.warm_start_factor);
     }
 
     fn pair(
         &self,
         new: std::ops::Range<usize>,
         old: std::ops::Range<usize>,
-        impulse: &mut [Vec3],
+        matches: &mut [u32],
         used: &mut Vec<bool>,
     ) {
         used.clear();
@@ -123,7 +159,7 @@ impl ContactMatching<'_> {
             let same = |o: &usize| self.memory.feature[*o] == self.contacts.feature[n];
             let unused = old.clone().filter(|o| !old_used[o - old.start]);
             if let Some(o) = unused.into_iter().find(same) {
-                impulse[n - new.start] = self.memory.impulse[o];
+                matches[n - new.start] = o as u32;
                 old_used[o - old.start] = true;
                 new_used[n - new.start] = true;
             }
@@ -148,7 +184,7 @@ impl ContactMatching<'_> {
                 }
             }
             let Some((n, o)) = best.1 else { return };
-            impulse[n - new.start] = self.memory.impulse[o];
+            matches[n - new.start] = o as u32;
             old_used[o - old.start] = true;
             new_used[n - new.start] = true;
         }
@@ -161,13 +197,16 @@ fn run_end(bodies: &[[u32; 2]], start: usize) -> usize {
     start + same
 }
 
-/// Stores this step's contacts and impulses (`[nc]`, world axes, N s) for the next [`warm_start`].
+/// Stores this step's contacts, their impulses (`[nc]`, world axes, N s) and the overlaps of their springs at its end
+/// (`[nc]`, m) for the next [`match_contacts`].
 pub fn store_contacts(
     motion: &Motion,
     contacts: &Contacts,
     impulse: &[Vec3],
+    overlap: &[f64],
     memory: &mut ContactMemory,
 ) {
+    copy(overlap, &mut memory.overlap);
     copy(&contacts.bodies, &mut memory.bodies);
     copy(&contacts.feature, &mut memory.feature);
     copy(impulse, &mut memory.impulse);

@@ -15,5 +15,5 @@ mod travel;
 
 pub use contacts::Contacts;
 pub use detector::Detector;
-pub use matching::{open_impulse, store_contacts, warm_start};
+pub use matching::{ContactHistory, match_contacts, open_impulse, store_contacts};
 pub use range::{DetectionRange, max_point_speed};

@@ -17,6 +17,8 @@ pub struct ContactSide {
 
 /// Contact of the local problem (T-5 to T-9). Components are (n, t, s).
 ///
+/// The Delassus block includes the compliance of the contact's springs (T-42): `W_αα = H_αᵀ M⁻¹ H_α + C`.
+///
 /// The tangents are turned so that the tangential Schur complement of the Delassus block,
 /// `S = W_TT - W_Tn W_nT / W_nn`, is diagonal with its larger entry first: given that the contact
 /// does not open, `u_T = S r_T + const`, component by component.
@@ -45,7 +47,10 @@ pub struct LocalContact {
     pub tangent_ratio: f32,
     /// Coulomb's coefficient μ.
     pub friction: f32,
-    /// Offset added to `Hᵀ V`: gap or restitution, minus the velocity of a driven body, m/s.
+    /// Compliance of the contact's springs (normal, tangential), 1/kg; zero for a rigid contact (T-42).
+    pub compliance: [f32; 2],
+    /// Offset added to `Hᵀ V + C r`: gap or restitution and the force of the tangential spring, minus the velocity of a
+    /// driven body, m/s.
     pub offset: Vec3,
     /// Impulse on the candidate, N s.
     pub impulse: Vec3,
@@ -83,7 +88,13 @@ impl LocalContact {
         along(self.bodies[0], &self.candidate_arms) - along(self.bodies[1], &self.antagonist_arms)
     }
 
-    /// Delassus block `W_αα` as the kernels know it, 1/kg: that of the rounded geometry to about 1e-7.
+    /// Velocity by which the springs give way under an impulse, m/s: `C r`.
+    pub fn yielding(&self, impulse: &Vec3) -> Vec3 {
+        let [normal, tangential] = self.compliance.map(f64::from);
+        impulse.component_mul(&Vec3::new(normal, tangential, tangential))
+    }
+
+    /// Delassus block `W_αα`, compliance included, as the kernels know it, 1/kg: that of the rounded geometry to about 1e-7.
     pub fn law_block(&self) -> Mat3 {
         let w_nn = 1.0 / self.normal_mass as f64;
         let k = Vec3::new(1.0, self.coupling[0].into(), self.coupling[1].into());

@@ -30,6 +30,8 @@ pub struct ContactGeometryRows {
     antagonist: BodyRows,
     /// One where the antagonist is mobile, else zero.
     paired: Row64,
+    /// Rounded compliances (normal, tangential), 1/kg.
+    compliance: [Row64; 2],
 }
 
 /// Rows of the fields of [`LocalContact`] by the same names.
@@ -68,7 +70,9 @@ impl ContactGeometryRows {
         normal: &Vec3,
         candidate: &ContactSide,
         antagonist: Option<&ContactSide>,
+        compliance: &[f32; 2],
     ) {
+        put(&mut self.compliance, lane, &compliance.map(f64::from));
         let normal = widen(&round(normal));
         let (t, s) = frame::tangents(&normal);
         put(&mut self.normal, lane, normal.as_slice());
@@ -97,7 +101,13 @@ impl ContactGeometryRows {
         let axes = [normal, t, s];
         let of_candidate = candidate.delassus(&axes);
         let of_antagonist = antagonist.delassus(&axes);
-        let w = each!(K in [0, 1, 2, 3, 4, 5] => of_candidate[K].add(L::select(paired, of_antagonist[K], zero)));
+        let [of_normal, of_tangent] = each!(K in 2 => L::load(&self.compliance[K]));
+        // Of the entries nn, tn, sn, tt, ts, ss.
+        let compliance = [of_normal, zero, zero, of_tangent, zero, of_tangent];
+        let w = each!(K in [0, 1, 2, 3, 4, 5] => {
+            let of_bodies = of_candidate[K].add(L::select(paired, of_antagonist[K], zero));
+            of_bodies.add(compliance[K])
+        });
         let (cos, sin) = principal_rotation(&tangential_schur(&w));
         each!(J in 3 => normal[J].store32(&mut out.normal[J]));
         each!(J in 3 => t[J].mul(cos).add(s[J].mul(sin)).store32(&mut out.tangent[J]));
@@ -116,6 +126,7 @@ impl ContactGeometryRows {
             let own = inverse_mass.mul(dot(&axes[I], &axes[J])).add(dot(&arms[I][0], &arms[J][0]));
             own.add(dot(&arms[I][1], &arms[J][1]))
         });
+        let w = each!(K in [0, 1, 2, 3, 4, 5] => w[K].add(compliance[K]));
         let [nn, tn, sn, ..] = w;
         let [tt, _, ss] = tangential_schur(&w);
         let one = L::splat(1.0);
@@ -130,7 +141,7 @@ impl ContactGeometryRows {
 }
 
 impl ContactRows {
-    /// Writes the contact of a lane, without bodies, friction, offset and impulse.
+    /// Writes the contact of a lane, without bodies, friction, compliance, offset and impulse.
     pub fn get(&self, lane: usize, contact: &mut LocalContact) {
         let three = |rows: &[Row32; 3]| [rows[0][lane], rows[1][lane], rows[2][lane]];
         contact.normal = three(&self.normal);
@@ -284,7 +295,7 @@ pub fn build_one(
     antagonist: Option<&ContactSide>,
 ) -> LocalContact {
     let mut geometry = ContactGeometryRows::default();
-    geometry.set(3, normal, candidate, antagonist);
+    geometry.set(3, normal, candidate, antagonist, &[0.0; 2]);
     let (mut built, mut contact) = (ContactRows::default(), LocalContact::default());
     geometry.build::<crate::lanes::Portable>(&mut built);
     built.get(3, &mut contact);

@@ -62,10 +62,13 @@ impl LocalProblem {
             .map(|i| {
                 let mut contact = solved.problem.contacts[i];
                 let gap = solved.next_gap(i, h);
-                let target = gap.max(0.0) + correction.factor * (gap + correction.slop).min(0.0);
+                // An overlap that carries a force is no error.
+                let factor = if contact.compliance[0] > 0.0 { 0.0 } else { correction.factor };
+                let target = gap.max(0.0) + factor * (gap + correction.slop).min(0.0);
                 // Pair blocks store it in f32.
                 contact.offset = Vec3::new((target / h) as f32 as f64, 0.0, 0.0);
                 contact.friction = 0.0;
+                contact.compliance = [0.0; 2];
                 contact.impulse = Vec3::zeros();
                 let [candidate, antagonist] = contact.bodies.map(|b| b as usize);
                 if antagonist >= ng {

@@ -2,7 +2,7 @@
 
 use super::contact::{ContactSide, LocalContact};
 use super::lane_builder::{ContactGeometryRows, ContactRows};
-use crate::detection::Contacts;
+use crate::detection::{ContactHistory, Contacts};
 use crate::lanes::{self, BodyVelocity, InstructionSet, LANES, LaneKernel, Lanes};
 use crate::math::{Mat3, Vec3};
 use crate::model::Model;
@@ -31,7 +31,8 @@ pub struct LocalProblem {
 impl LocalProblem {
     /// Builds the problem of a step.
     ///
-    /// `warm` are initial impulses on the candidates, world axes, N s `[nc]`, or empty for zero.
+    /// `warm` are initial impulses on the candidates, world axes, N s `[nc]`, or empty for zero. The springs of the contacts
+    /// continue from `history`.
     pub fn build(
         &mut self,
         model: &Model,
@@ -39,6 +40,7 @@ impl LocalProblem {
         motion: &Motion,
         contacts: &Contacts,
         warm: &[Vec3],
+        history: &ContactHistory,
     ) {
         self.build_lines(model, motion);
         let Self { contacts: built, lines, whitening, responses, .. } = self;
@@ -50,6 +52,7 @@ impl LocalProblem {
             motion,
             contacts,
             warm,
+            history,
             lines,
             whitening,
             responses,
@@ -114,6 +117,7 @@ struct ProblemInputs<'a> {
     motion: &'a Motion,
     contacts: &'a Contacts,
     warm: &'a [Vec3],
+    history: &'a ContactHistory,
     lines: &'a [BodyVelocity],
     whitening: &'a [Mat3],
     responses: &'a [MountResponse],
@@ -142,12 +146,20 @@ impl ProblemInputs<'_> {
         let Contacts { bodies, point, normal, .. } = self.contacts;
         let [c, a] = bodies[i].map(|b| b as usize);
         let antagonist = (a < self.lines.len()).then(|| self.side(a, &point[i]));
-        geometry.set(lane, &normal[i], &self.side(c, &point[i]), antagonist.as_ref());
+        let compliance = self.compliance(a);
+        geometry.set(lane, &normal[i], &self.side(c, &point[i]), antagonist.as_ref(), &compliance);
+    }
+
+    /// Returns the compliances (normal, tangential) of contacts with antagonist `a`, 1/kg, rounded.
+    #[inline(always)]
+    fn compliance(&self, a: usize) -> [f32; 2] {
+        let compliance = self.model.contact_stiffness(a).compliance(self.model.stepping.h());
+        compliance.map(|c| c as f32)
     }
 
     /// Sets the fields that do not follow from frame and bodies.
     fn finish(&self, i: usize, contact: &mut LocalContact) {
-        let Self { model, state, motion, contacts, warm, lines, .. } = self;
+        let Self { model, state, motion, contacts, warm, history, lines, .. } = self;
         let h = model.stepping.h();
         let (point, gap) = (contacts.point[i], contacts.gap[i]);
         let [c, a] = contacts.bodies[i].map(|b| b as usize);
@@ -161,19 +173,24 @@ impl ProblemInputs<'_> {
         } else {
             0.0
         };
-        // A gap that the approach closes within this step rebounds now: anticipating it
-        // would brake the grains first and leave the rebound with what remains.
-        let normal = if approach < 0.0 && gap + h * approach <= 0.0 {
-            model.restitution * approach
+        let stiffness = model.contact_stiffness(a);
+        contact.compliance = self.compliance(a);
+        contact.offset = if !stiffness.is_rigid() {
+            let held = contact.yielding(&contact.components(&history.impulse[i]));
+            let start = history.spring_gap(i, gap, h);
+            Vec3::new(stiffness.gap_speed(start, h), -held.y, -held.z)
+        } else if approach < 0.0 && gap + h * approach <= 0.0 {
+            // A gap that the approach closes within this step rebounds now: anticipating it
+            // would brake the grains first and leave the rebound with what remains.
+            Vec3::new(model.restitution * approach, 0.0, 0.0)
         } else {
-            gap.max(0.0) / h
+            Vec3::new(stiffness.gap_speed(gap, h), 0.0, 0.0)
         };
-        contact.offset = Vec3::new(normal, 0.0, 0.0);
         let body = a.checked_sub(model.grains.len()).map(|d| &model.driven[d]);
         contact.friction = body.map_or(model.grain_friction, |b| b.friction) as f32;
         if a < lines.len() {
             // Pair blocks store it in f32: 6e-8 of the gap.
-            contact.offset.x = contact.offset.x as f32 as f64;
+            contact.offset = contact.offset.map(|x| x as f32 as f64);
         } else {
             let lever = point - motion.position[a];
             let surface = motion.velocity[a] + motion.angular_velocity[a].cross(&lever);

@@ -1,6 +1,6 @@
 //! Validation of a model's constants.
 
-use super::{DofMode, Model, Mount, Part, PartitionRule};
+use super::{ContactStiffness, DofMode, Model, Mount, Part, PartitionRule};
 use crate::error::{Error, Result};
 
 /// Valid coefficients of friction; kernels store them as f32.
@@ -26,6 +26,28 @@ fn expect(good: bool, place: &str, expected: &str, found: impl std::fmt::Debug) 
         expected: expected.into(),
         found: format!("{found:?}"),
     })
+}
+
+/// Valid stiffness of a contact, N/m, where it is finite; kernels store compliances as f32.
+const STIFFNESS_RANGE: std::ops::RangeInclusive<f64> = 1.0..=1e15;
+
+fn check_stiffness(place: &str, stiffness: &ContactStiffness) -> Result<()> {
+    let ContactStiffness { normal, tangential_ratio, damping_time } = *stiffness;
+    let is_stiffness = |x: f64| x == f64::INFINITY || STIFFNESS_RANGE.contains(&x);
+    let expected = "a contact stiffness from 1 to 1e15 N/m, or infinite";
+    expect(is_stiffness(normal), place, expected, normal)?;
+    expect(
+        tangential_ratio > 0.0 && is_stiffness(stiffness.tangential()),
+        place,
+        "a ratio of tangential to normal stiffness above 0, infinite where the contact is rigid",
+        tangential_ratio,
+    )?;
+    expect(
+        (0.0..=1.0).contains(&damping_time),
+        place,
+        "a damping time of a contact from 0 to 1 s",
+        damping_time,
+    )
 }
 
 impl Model {
@@ -55,12 +77,13 @@ impl Model {
             self.gravity,
         )?;
         expect(is_friction(self.grain_friction), "grain_friction", FRICTION, self.grain_friction)?;
-        expect(
-            (0.0..=1.0).contains(&self.restitution),
-            "restitution",
-            "between 0 and 1",
-            self.restitution,
-        )?;
+        check_stiffness("grain_stiffness", &self.grain_stiffness)?;
+        let (valid, expected) = if self.is_rigid() {
+            (0.0..=1.0, "between 0 and 1")
+        } else {
+            (0.0..=0.0, "0 where contacts have a stiffness, whose springs return the bodies")
+        };
+        expect(valid.contains(&self.restitution), "restitution", expected, self.restitution)?;
         self.check_solver()?;
         self.check_grains()?;
         self.check_driven()
@@ -161,6 +184,7 @@ impl Model {
                 &format!("a friction, {FRICTION}"),
                 body.friction,
             )?;
+            check_stiffness(&place, &body.stiffness)?;
             if let Some(mount) = &body.mount {
                 expect(d < self.mounted_count(), &place, "mounted bodies before all others", d)?;
                 mount.check(&place)?;

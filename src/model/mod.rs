@@ -9,10 +9,12 @@ mod check;
 mod mount;
 mod solver;
 mod stepping;
+mod stiffness;
 
 pub use mount::{DofMode, Mount};
 pub use solver::{Acceleration, Norm, PartitionRule, PenetrationCorrection, Schedule, Solver};
 pub use stepping::Stepping;
+pub use stiffness::ContactStiffness;
 
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
@@ -30,7 +32,9 @@ pub struct Model {
     pub gravity: Vec3,
     /// Coulomb friction coefficient between grains.
     pub grain_friction: f64,
-    /// Newton restitution coefficient of every contact, 0 to 1.
+    /// Stiffness of the contacts between grains.
+    pub grain_stiffness: ContactStiffness,
+    /// Newton restitution coefficient of every contact, 0 to 1; 0 where a contact is not rigid.
     pub restitution: f64,
     /// Time step and detection distance.
     pub stepping: Stepping,
@@ -102,6 +106,8 @@ pub struct DrivenBody {
     pub role: Role,
     /// Friction coefficient between this body and grains.
     pub friction: f64,
+    /// Stiffness of the contacts between this body and grains.
+    pub stiffness: ContactStiffness,
     /// Parts; the body frame's origin is the reference point of its impulses and wrenches.
     pub parts: Vec<Part>,
     /// Mount; `None` if the motion is imposed on the body itself.
@@ -146,6 +152,19 @@ impl Model {
     /// Returns the number of bodies whose velocities contacts change: grains and mounted bodies.
     pub fn mobile_count(&self) -> usize {
         self.grains.len() + self.mounted_count()
+    }
+
+    /// Returns the stiffness of contacts with antagonist `body`, numbered as the bodies are.
+    pub fn contact_stiffness(&self, body: usize) -> &ContactStiffness {
+        match body.checked_sub(self.grains.len()) {
+            None => &self.grain_stiffness,
+            Some(d) => &self.driven[d].stiffness,
+        }
+    }
+
+    /// Returns true if all contacts are rigid.
+    pub fn is_rigid(&self) -> bool {
+        self.grain_stiffness.is_rigid() && self.driven.iter().all(|d| d.stiffness.is_rigid())
     }
 
     /// Returns the index of the driven body called `name`, among the driven bodies.

@@ -1,6 +1,6 @@
 //! Blocks of eight contacts in the layout of the kernel.
 //!
-//! 160 bytes per contact between two grains, 144 per contact with a driven body. Rows are of eight
+//! 176 bytes per contact between two grains, 152 per contact with a driven body. Rows are of eight
 //! lanes. Lanes without a contact are all zero with a tangent ratio of one, and their body is the
 //! set's spare line: every visit leaves their impulse at zero.
 
@@ -9,7 +9,7 @@ use crate::local_problem::LocalContact;
 
 pub use crate::local_problem::rows::{Row32, Row64};
 
-/// Data of the contact laws of a block: Delassus blocks and friction.
+/// Data of the contact laws of a block: Delassus blocks, compliance and friction.
 #[derive(Debug, Clone, Copy)]
 #[repr(C, align(32))]
 pub struct LawRows {
@@ -23,6 +23,8 @@ pub struct LawRows {
     pub tangent_ratio: Row32,
     /// Friction coefficient μ.
     pub friction: Row32,
+    /// Compliance (normal, tangential), 1/kg.
+    pub compliance: [Row32; 2],
     /// Initial guess of the next slip solve: the result of the last one.
     pub slip: Row32,
 }
@@ -41,8 +43,8 @@ pub struct PairBlock {
     pub antagonist_arms: [Row32; 9],
     /// Contact laws.
     pub law: LawRows,
-    /// Offset from gap or restitution, m/s.
-    pub offset: Row32,
+    /// Offset from gap or restitution and tangential spring (n, t, s), m/s.
+    pub offset: [Row32; 3],
     /// Impulses (n, t, s), N s.
     pub impulse: [Row64; 3],
     /// Lines of the candidates.
@@ -63,7 +65,7 @@ pub struct SingleBlock {
     pub arms: [Row32; 9],
     /// Contact laws.
     pub law: LawRows,
-    /// Offset from gap or restitution minus the driven body's velocity (n, t, s), m/s.
+    /// Offset from gap or restitution and tangential spring minus the driven body's velocity (n, t, s), m/s.
     pub offset: [Row64; 3],
     /// Impulses (n, t, s), N s.
     pub impulse: [Row64; 3],
@@ -94,6 +96,7 @@ impl LawRows {
         tangent_mass: ZERO32,
         tangent_ratio: [1.0; LANES],
         friction: ZERO32,
+        compliance: [ZERO32; 2],
         slip: ZERO32,
     };
 
@@ -120,6 +123,8 @@ impl LawRows {
         self.tangent_mass[lane] = contact.tangent_mass;
         self.tangent_ratio[lane] = contact.tangent_ratio;
         self.friction[lane] = contact.friction;
+        self.compliance[0][lane] = contact.compliance[0];
+        self.compliance[1][lane] = contact.compliance[1];
         self.slip[lane] = 1.0;
     }
 }
@@ -133,7 +138,7 @@ impl PairBlock {
             candidate_arms: [ZERO32; 9],
             antagonist_arms: [ZERO32; 9],
             law: LawRows::EMPTY,
-            offset: ZERO32,
+            offset: [ZERO32; 3],
             impulse: [ZERO64; 3],
             candidate: [spare; LANES],
             antagonist: [spare; LANES],
@@ -145,6 +150,8 @@ impl PairBlock {
         for j in 0..3 {
             self.normal[j][lane] = contact.normal[j];
             self.tangent[j][lane] = contact.tangent[j];
+            // Already rounded to f32.
+            self.offset[j][lane] = contact.offset[j] as f32;
             self.impulse[j][lane] = contact.impulse[j];
             for k in 0..3 {
                 self.candidate_arms[3 * k + j][lane] = contact.candidate_arms[k][j];
@@ -152,8 +159,6 @@ impl PairBlock {
             }
         }
         self.law.set(lane, contact);
-        // Already rounded to f32; without a tangential part between mobile bodies.
-        self.offset[lane] = contact.offset.x as f32;
         self.candidate[lane] = grains[0];
         self.antagonist[lane] = grains[1];
     }
@@ -197,8 +202,8 @@ mod tests {
 
     #[test]
     fn blocks_are_as_small_as_documented() {
-        assert_eq!(size_of::<PairBlock>(), 160 * LANES);
-        assert_eq!(size_of::<SingleBlock>(), 144 * LANES);
+        assert_eq!(size_of::<PairBlock>(), 176 * LANES);
+        assert_eq!(size_of::<SingleBlock>(), 152 * LANES);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Set of contacts swept as one: a subdomain, or a group of the interface.
 //!
-//! Reads: a [`LocalProblem`]. Writes: its own lines and impulses. Cost: 160 bytes of memory traffic per visit.
+//! Reads: a [`LocalProblem`]. Writes: its own lines and impulses. Cost: 176 bytes of memory traffic per visit.
 //! Contract: a sweep is an exact Gauss-Seidel pass in the order of [`ContactSet::order`]; the set
 //! shares nothing with other sets, so sets may be swept in parallel.
 

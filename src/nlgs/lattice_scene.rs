@@ -4,10 +4,12 @@
 //! Contract: the same seed gives the same problem. Contacts are generated, not detected: the grains have no
 //! shapes, so the scene can be solved but not stepped.
 
-use crate::detection::Contacts;
+use crate::detection::{ContactHistory, Contacts};
 use crate::local_problem::LocalProblem;
 use crate::math::{Pose, Vec3, rotation};
-use crate::model::{DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping};
+use crate::model::{
+    ContactStiffness, DrivenBody, Model, PartitionRule, Role, Schedule, Solver, Stepping,
+};
 use crate::motion::Motion;
 use crate::state::State;
 use rand::{RngExt, SeedableRng};
@@ -45,6 +47,7 @@ fn empty_model(restitution: f64) -> Model {
         name: "floor".into(),
         role: Role::Boundary,
         friction: 0.4,
+        stiffness: ContactStiffness::RIGID,
         parts: Vec::new(),
         mount: None,
     };
@@ -54,6 +57,7 @@ fn empty_model(restitution: f64) -> Model {
         driven: vec![floor],
         gravity: Vec3::new(0.0, 0.0, -9.81),
         grain_friction: 0.7,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution,
         stepping: Stepping { step_ns: 500_000, theta: 0.5, detection_distance: 1e-3 },
         solver: Solver {
@@ -151,6 +155,9 @@ impl LatticeScene {
 
     /// Rebuilds the problem after its data have changed.
     pub fn build(&mut self) {
-        self.problem.build(&self.model, &self.state, &self.motion, &self.contacts, &self.warm);
+        let Self { model, state, motion, contacts, warm, problem } = self;
+        let overlap = contacts.gap.iter().map(|gap| -gap.min(0.0)).collect();
+        let history = ContactHistory { impulse: warm.clone(), overlap };
+        problem.build(model, state, motion, contacts, warm, &history);
     }
 }

@@ -32,10 +32,10 @@ impl<'a> MatrixFreeSolver<'a> {
         start
     }
 
-    /// Relative velocity of contact `i`, offset included, m/s.
+    /// Relative velocity of contact `i`, offset and springs included, m/s.
     pub fn relative_velocity(&self, i: usize) -> Vec3 {
         let contact = &self.problem.contacts[i];
-        let mut u = contact.offset;
+        let mut u = contact.offset + contact.yielding(&self.impulse[i]);
         for (line, arms, sign) in self.sides(i) {
             let v = contact.components(&self.lines[line].velocity());
             let w = self.lines[line].whitened_angular_velocity();

@@ -2,7 +2,7 @@
 
 use crate::geometry::cuboid;
 use crate::math::{Pose, Vec3};
-use crate::model::{DrivenBody, Grains, Model, Part, Role, Solver, Stepping};
+use crate::model::{ContactStiffness, DrivenBody, Grains, Model, Part, Role, Solver, Stepping};
 use crate::state::State;
 use crate::workspace::Workspace;
 
@@ -19,6 +19,7 @@ pub fn cubes(count: usize) -> Model {
         driven: Vec::new(),
         gravity: Vec3::new(0.0, 0.0, -10.0),
         grain_friction: 0.5,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: 0.0,
         stepping: Stepping { step_ns: 1_000_000, theta: 0.5, detection_distance: 1e-3 },
         solver: Solver::default(),
@@ -26,7 +27,14 @@ pub fn cubes(count: usize) -> Model {
 }
 
 pub fn driven(name: &str, role: Role, parts: Vec<Part>) -> DrivenBody {
-    DrivenBody { name: name.into(), role, friction: 0.5, parts, mount: None }
+    DrivenBody {
+        name: name.into(),
+        role,
+        friction: 0.5,
+        stiffness: ContactStiffness::RIGID,
+        parts,
+        mount: None,
+    }
 }
 
 /// All bodies at rest at the given places.
@@ -44,6 +52,7 @@ pub fn carry(state: &mut State, bodies: [u32; 2], point: [f64; 3], impulse: [f64
     contacts.bodies.push(bodies);
     contacts.local_point.push(local);
     contacts.impulse.push(impulse.into());
+    contacts.overlap.push(0.0);
 }
 
 /// Adds a contact with an impulse in world axes.

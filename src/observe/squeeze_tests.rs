@@ -1,6 +1,6 @@
 use super::*;
 use crate::math::Vec3;
-use crate::model::{Grains, Solver, Stepping};
+use crate::model::{ContactStiffness, Grains, Solver, Stepping};
 use crate::step::Reaction;
 use std::f64::consts::TAU;
 
@@ -15,6 +15,7 @@ fn model() -> Model {
         driven: vec![],
         gravity: Vec3::zeros(),
         grain_friction: 0.5,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: 0.0,
         stepping: Stepping { step_ns: 1_000_000, theta: 0.5, detection_distance: 0.0 },
         solver: Solver::default(),

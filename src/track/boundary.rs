@@ -3,7 +3,7 @@
 //! Reads: the plan's box. Writes: driven bodies of one half-space each, at the world's origin.
 
 use crate::math::Vec3;
-use crate::model::{DrivenBody, Part, Role};
+use crate::model::{ContactStiffness, DrivenBody, Part, Role};
 
 /// The five boundaries of a box `[0, size.x] × [0, size.y]` above z = 0, m.
 ///
@@ -13,6 +13,7 @@ pub fn boundaries(size: &Vec3, friction: f64) -> Vec<DrivenBody> {
         name: name.into(),
         role: Role::Boundary,
         friction,
+        stiffness: ContactStiffness::RIGID,
         parts: vec![Part::HalfSpace { normal, offset }],
         mount: None,
     };

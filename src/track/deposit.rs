@@ -24,7 +24,7 @@ use super::sleeper::{sleeper, sleeper_pose};
 use crate::error::{Error, Result};
 use crate::geometry::{AxisBox, Clipper, Polyhedron};
 use crate::math::{Pose, Vec3};
-use crate::model::{Grains, Model, Schedule, Solver, Stepping};
+use crate::model::{ContactStiffness, Grains, Model, Schedule, Solver, Stepping};
 use crate::state::{EnergyLedger, State};
 use crate::track::plan::{Plan, apply_run_settings};
 use crate::workspace::Workspace;
@@ -286,16 +286,18 @@ fn empty_box(plan: &Plan) -> Result<BedBuilder> {
     let driven = boundaries(&plan.bed.size, low);
     let mut state = State::default();
     driven.iter().for_each(|_| state.push(Pose::identity()));
-    let model = Model {
+    let mut model = Model {
         shapes: Vec::new(),
         grains: Grains::default(),
         driven,
         gravity: Vec3::new(0.0, 0.0, -plan.bed.gravity),
         grain_friction: plan.bed.preparation.friction,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: plan.run.restitution,
         stepping: plan.run.stepping,
         solver: plan.run.solver,
     };
+    plan.bed.stiffness.apply(&mut model);
     Ok(BedBuilder { model, state, workspace: Workspace::default() })
 }
 
@@ -306,6 +308,7 @@ fn place_sleepers(plan: &Plan, builder: &mut BedBuilder) -> Result<()> {
         builder.model.driven.push(body);
         builder.state.push(sleeper_pose(plan, s));
     }
+    plan.bed.stiffness.apply(&mut builder.model);
     Ok(())
 }
 

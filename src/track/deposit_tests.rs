@@ -149,6 +149,7 @@ fn removing_and_inserting_grains_renumbers_contacts() {
     memory.bodies = vec![[0, 1], [0, 3], [1, 2], [2, 4]];
     memory.feature = vec![10, 11, 12, 13];
     memory.local_point = vec![Vec3::zeros(); 4];
+    memory.overlap = vec![0.0; 4];
     memory.impulse = (0..4).map(|i| Vec3::x() * f64::from(i)).collect();
     builder.retain(&[true, false, true]);
     assert_eq!(builder.state.contacts.bodies, [[0, 2], [1, 3]]);

@@ -5,7 +5,7 @@
 
 use crate::geometry::GrainShape;
 use crate::math::Vec3;
-use crate::model::{Model, Mount, Role, Solver, Stepping};
+use crate::model::{ContactStiffness, Model, Mount, Role, Solver, Stepping};
 use std::f64::consts::FRAC_PI_6;
 
 /// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
@@ -38,6 +38,8 @@ pub struct BedPlan {
     pub grains: GrainPlan,
     /// Friction coefficients of the run.
     pub friction: FrictionPlan,
+    /// Stiffness of the contacts of grains with each kind of partner.
+    pub stiffness: StiffnessPlan,
     /// Acceleration of gravity, downwards, m/s².
     pub gravity: f64,
     /// Settings of pouring and settling.
@@ -100,6 +102,29 @@ pub struct FrictionPlan {
     pub tine: f64,
     /// Coefficient of grains with floor and walls.
     pub boundary: f64,
+}
+
+/// Stiffness of the contacts of grains with each kind of partner.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StiffnessPlan {
+    pub grain: ContactStiffness,
+    pub sleeper: ContactStiffness,
+    pub tine: ContactStiffness,
+    pub boundary: ContactStiffness,
+}
+
+impl StiffnessPlan {
+    /// Sets the stiffness of all contacts of a model.
+    pub(super) fn apply(&self, model: &mut Model) {
+        model.grain_stiffness = self.grain;
+        for body in &mut model.driven {
+            body.stiffness = match body.role {
+                Role::Boundary => self.boundary,
+                Role::Sleeper => self.sleeper,
+                Role::Tine => self.tine,
+            };
+        }
+    }
 }
 
 /// Settings of pouring and settling the bed.
@@ -278,7 +303,7 @@ pub struct RunPlan {
     pub checkpoint_ns: u64,
 }
 
-/// Sets friction, restitution, stepping and solver of a model to those of the plan.
+/// Sets friction, stiffness, restitution, stepping and solver of a model to those of the plan.
 pub(super) fn apply_run_settings(plan: &Plan, model: &mut Model) {
     let friction = &plan.bed.friction;
     for body in &mut model.driven {
@@ -289,6 +314,7 @@ pub(super) fn apply_run_settings(plan: &Plan, model: &mut Model) {
         };
     }
     model.grain_friction = friction.grain;
+    plan.bed.stiffness.apply(model);
     model.restitution = plan.run.restitution;
     model.stepping = plan.run.stepping;
     model.solver = plan.run.solver;

@@ -1,6 +1,6 @@
 use super::*;
 use crate::geometry::{Clipper, GrainShape, half_spaces_of};
-use crate::track::plan::{FrictionPlan, GrainPlan, PreparationPlan};
+use crate::track::plan::{FrictionPlan, GrainPlan, PreparationPlan, StiffnessPlan};
 use rand::SeedableRng;
 
 fn bed(size: Vec3) -> BedPlan {
@@ -23,6 +23,7 @@ fn bed(size: Vec3) -> BedPlan {
             templates: 20,
         },
         friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 },
+        stiffness: StiffnessPlan::default(),
         gravity: 9.81,
         preparation: PreparationPlan {
             ballast_depth: 0.2,

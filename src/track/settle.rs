@@ -92,6 +92,11 @@ impl BedBuilder {
         settling: &Settling,
         watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>> {
+        if !self.model.is_rigid() {
+            // The springs keep their forces through a change of the time step.
+            let factor = settling.stepping.h() / self.model.stepping.h();
+            self.state.contacts.impulse.iter_mut().for_each(|r| *r *= factor);
+        }
         self.model.stepping = settling.stepping;
         self.model.solver = settling.solver;
         self.model.grain_friction = settling.grain_friction;
@@ -246,4 +251,5 @@ fn renumber(memory: &mut ContactMemory, numbers: &[Option<u32>]) {
     sift(&mut memory.feature, kept);
     sift(&mut memory.local_point, kept);
     sift(&mut memory.impulse, kept);
+    sift(&mut memory.overlap, kept);
 }

@@ -7,7 +7,7 @@ use super::shape::{cuboid, solid};
 use crate::error::{Error, Result};
 use crate::geometry::Polyhedron;
 use crate::math::{Pose, Vec3};
-use crate::model::{DofMode, DrivenBody, Mount, Role};
+use crate::model::{ContactStiffness, DofMode, DrivenBody, Mount, Role};
 use crate::track::plan::{BlockPlan, Plan, SleeperPlan};
 
 /// Returns the pose of a sleeper before the lift.
@@ -37,7 +37,14 @@ pub fn sleeper(
         let centre = Vec3::new(0.0, block.offset_y, 0.5 * size.z);
         parts.push(cuboid(shapes, &size, centre)?);
     }
-    Ok(DrivenBody { name: plan.name.clone(), role: Role::Sleeper, friction, parts, mount: None })
+    Ok(DrivenBody {
+        name: plan.name.clone(),
+        role: Role::Sleeper,
+        friction,
+        stiffness: ContactStiffness::RIGID,
+        parts,
+        mount: None,
+    })
 }
 
 /// Density of reinforced concrete, kg/m³.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::model::Role;
+use crate::model::{ContactStiffness, Role};
 use crate::state::DriverState;
 use crate::step::Reaction;
 use crate::track::TampingState;
@@ -29,6 +29,7 @@ fn model(plan: &Plan) -> (Model, State) {
         driven,
         gravity: -Vec3::z() * 9.81,
         grain_friction: 1.0,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: 0.0,
         stepping: plan.run.stepping,
         solver: plan.run.solver,

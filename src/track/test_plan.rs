@@ -33,6 +33,7 @@ pub fn small_plan() -> Plan {
                 templates: 4,
             },
             friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 },
+            stiffness: StiffnessPlan::default(),
             gravity: 9.81,
             preparation: PreparationPlan {
                 ballast_depth: 0.28,

@@ -7,7 +7,7 @@ use super::shape::{cuboid, solid};
 use crate::error::Result;
 use crate::geometry::Polyhedron;
 use crate::math::Vec3;
-use crate::model::{DrivenBody, Mount, Role};
+use crate::model::{ContactStiffness, DrivenBody, Mount, Role};
 use crate::track::plan::TinePlan;
 
 /// The driven body of a tine; its shapes are appended to `shapes` unless they are there already.
@@ -23,6 +23,7 @@ pub fn tine(plan: &TinePlan, friction: f64, shapes: &mut Vec<Polyhedron>) -> Res
         name: plan.name.clone(),
         role: Role::Tine,
         friction,
+        stiffness: ContactStiffness::RIGID,
         parts: vec![cuboid(shapes, &blade, below)?, cuboid(shapes, &shaft, above)?],
         mount: plan.mount,
     })

@@ -5,7 +5,8 @@ use ballast::error::Result;
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Grains, Model, Mount, Part, PartitionRule, Role, Schedule, Solver, Stepping,
+    ContactStiffness, DrivenBody, Grains, Model, Mount, Part, PartitionRule, Role, Schedule,
+    Solver, Stepping,
 };
 use ballast::state::State;
 use ballast::step::{StepReport, step};
@@ -34,6 +35,7 @@ impl Scene {
             driven: vec![],
             gravity: Vec3::new(0.0, 0.0, -GRAVITY),
             grain_friction: friction,
+            grain_stiffness: ContactStiffness::RIGID,
             restitution: 0.0,
             stepping: Stepping { step_ns, theta: 0.5, detection_distance: 2e-3 },
             solver: tight(Schedule::Sequential, PartitionRule::Balanced(1)),
@@ -77,6 +79,7 @@ impl Scene {
             name: name.into(),
             role: Role::Boundary,
             friction,
+            stiffness: ContactStiffness::RIGID,
             parts: vec![part],
             mount: None,
         });

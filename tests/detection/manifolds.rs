@@ -4,7 +4,7 @@ use crate::scene;
 use ballast::detection::Contacts;
 use ballast::geometry::{Polyhedron, convex_hull, cuboid};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{DrivenBody, Part, Role};
+use ballast::model::{ContactStiffness, DrivenBody, Part, Role};
 use std::f64::consts::PI;
 
 fn two(a: &Polyhedron, b: &Polyhedron, pose: Pose, alert: f64) -> Contacts {
@@ -182,6 +182,7 @@ fn on_plane(shape: &Polyhedron, pose: Pose, driven: Pose, alert: f64) -> Contact
         name: "floor".into(),
         role: Role::Boundary,
         friction: 0.5,
+        stiffness: ContactStiffness::RIGID,
         parts: vec![Part::HalfSpace { normal: Vec3::z(), offset: 0.5 }],
         mount: None,
     };

@@ -1,7 +1,7 @@
 //! Matching of impulses with the contacts of the next step.
 
 use crate::scene;
-use ballast::detection::{Contacts, store_contacts, warm_start};
+use ballast::detection::{ContactHistory, Contacts, match_contacts, store_contacts};
 use ballast::geometry::cuboid;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::Model;
@@ -23,9 +23,26 @@ fn impulses(contacts: &Contacts) -> Vec<Vec3> {
     (0..contacts.len()).map(|k| Vec3::new(1.0 + k as f64, 0.5, -0.25 * k as f64)).collect()
 }
 
+/// Impulses of the same contacts in `memory`.
+fn matched(
+    model: &Model,
+    motion: &Motion,
+    memory: &ContactMemory,
+    contacts: &Contacts,
+) -> Vec<Vec3> {
+    let mut history = ContactHistory::default();
+    match_contacts(model, motion, memory, contacts, &mut history);
+    // An overlap belongs to its impulse.
+    let sizes = history.impulse.iter().map(|r| r.x);
+    assert!(sizes.eq(history.overlap.iter().copied()), "{history:?}");
+    history.impulse
+}
+
 fn remembered(motion: &Motion, contacts: &Contacts) -> ContactMemory {
     let mut memory = ContactMemory::default();
-    store_contacts(motion, contacts, &impulses(contacts), &mut memory);
+    let impulses = impulses(contacts);
+    let overlaps: Vec<f64> = impulses.iter().map(|r| r.x).collect();
+    store_contacts(motion, contacts, &impulses, &overlaps, &mut memory);
     memory
 }
 
@@ -35,8 +52,7 @@ fn equal_features_match_and_new_pairs_start_from_zero() {
     let contacts = scene::fresh(&model, &motion);
     assert_eq!(contacts.len(), 4 * 699);
     let mut memory = remembered(&motion, &contacts);
-    let mut start = vec![Vec3::repeat(9.0)];
-    warm_start(&model, &motion, &memory, &contacts, &mut start);
+    let start = matched(&model, &motion, &memory, &contacts);
     assert_eq!(start, impulses(&contacts));
 
     // Forget the pair of grains 100 and 101.
@@ -46,7 +62,7 @@ fn equal_features_match_and_new_pairs_start_from_zero() {
     memory.feature = keep.iter().map(|k| memory.feature[*k]).collect();
     memory.local_point = keep.iter().map(|k| memory.local_point[*k]).collect();
     memory.impulse = keep.iter().map(|k| memory.impulse[*k]).collect();
-    warm_start(&model, &motion, &memory, &contacts, &mut start);
+    let start = matched(&model, &motion, &memory, &contacts);
     for (k, (found, wanted)) in start.iter().zip(impulses(&contacts)).enumerate() {
         assert_eq!(*found, if gone(k) { Vec3::zeros() } else { wanted }, "{k}");
     }
@@ -61,13 +77,12 @@ fn points_match_by_position_when_features_have_changed() {
     memory.local_point.reverse();
     memory.impulse.reverse();
     memory.feature.iter_mut().for_each(|f| *f ^= 1 << 40);
-    let mut start = Vec::new();
-    warm_start(&model, &motion, &memory, &contacts, &mut start);
+    let start = matched(&model, &motion, &memory, &contacts);
     assert_eq!(start, impulses(&contacts));
 
     // Points that are far away are other points.
     memory.local_point.iter_mut().for_each(|p| p.x += 0.5);
-    warm_start(&model, &motion, &memory, &contacts, &mut start);
+    let start = matched(&model, &motion, &memory, &contacts);
     assert!(start.iter().all(|r| *r == Vec3::zeros()));
 }
 
@@ -82,8 +97,7 @@ fn an_old_point_is_used_once() {
     memory.bodies.truncate(1);
     memory.feature.truncate(1);
     memory.feature[0] ^= 1 << 40;
-    let mut start = Vec::new();
-    warm_start(&model, &motion, &memory, &contacts, &mut start);
+    let start = matched(&model, &motion, &memory, &contacts);
     assert_eq!(start.iter().filter(|r| **r != Vec3::zeros()).count(), 1);
     assert_eq!(start[0], impulses(&contacts)[0]);
 }
@@ -106,8 +120,7 @@ fn points_are_remembered_in_the_body() {
         .collect();
     let motion = scene::at_rest(&poses);
     let contacts = scene::fresh(&model, &motion);
-    let mut start = Vec::new();
-    warm_start(&model, &motion, &memory, &contacts, &mut start);
+    let start = matched(&model, &motion, &memory, &contacts);
     for (k, point) in contacts.point.iter().enumerate() {
         let local = motion.orientation[contacts.bodies[k][0] as usize].inverse()
             * (point - motion.position[contacts.bodies[k][0] as usize]);

@@ -6,7 +6,7 @@ use crate::scene;
 use ballast::detection::{Contacts, DetectionRange, Detector};
 use ballast::geometry::{Polyhedron, cuboid};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{DrivenBody, Model, Part, Role};
+use ballast::model::{ContactStiffness, DrivenBody, Model, Part, Role};
 use ballast::motion::Motion;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -32,6 +32,7 @@ fn heap(seed: u64, count: usize) -> (Model, Motion) {
         name: name.into(),
         role: Role::Boundary,
         friction: 0.5,
+        stiffness: ContactStiffness::RIGID,
         parts,
         mount: None,
     };

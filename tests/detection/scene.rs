@@ -3,7 +3,7 @@
 use ballast::detection::{Contacts, DetectionRange, Detector};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{DrivenBody, Grains, Model, Solver, Stepping};
+use ballast::model::{ContactStiffness, DrivenBody, Grains, Model, Solver, Stepping};
 use ballast::motion::Motion;
 use rand::RngExt;
 use rand_pcg::Pcg64;
@@ -20,6 +20,7 @@ pub fn model(shapes: Vec<Polyhedron>, driven: Vec<DrivenBody>, alert: f64) -> Mo
         driven,
         gravity: Vec3::new(0.0, 0.0, -9.81),
         grain_friction: 0.5,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: 0.0,
         stepping: Stepping { step_ns: 200_000, theta: 0.5, detection_distance: alert },
         solver: Solver::default(),

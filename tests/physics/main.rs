@@ -5,6 +5,7 @@ mod common;
 
 mod arch;
 mod balance;
+mod compliance;
 mod flight;
 mod flung;
 mod flush;

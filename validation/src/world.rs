@@ -5,7 +5,8 @@ use ballast::drive::StepInputs;
 use ballast::geometry::{Polyhedron, random_rotation};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    DrivenBody, Grains, Model, Norm, Part, PartitionRule, Role, Schedule, Solver, Stepping,
+    ContactStiffness, DrivenBody, Grains, Model, Norm, Part, PartitionRule, Role, Schedule, Solver,
+    Stepping,
 };
 use ballast::observe;
 use ballast::state::State;
@@ -51,6 +52,7 @@ impl World {
             driven: vec![],
             gravity: Vec3::new(0.0, 0.0, -GRAVITY),
             grain_friction: friction,
+            grain_stiffness: ContactStiffness::RIGID,
             restitution: 0.0,
             stepping: Stepping { step_ns, theta: 0.5, detection_distance },
             solver,
@@ -88,6 +90,7 @@ impl World {
             name: name.into(),
             role: Role::Boundary,
             friction,
+            stiffness: ContactStiffness::RIGID,
             parts: vec![Part::HalfSpace { normal, offset: 0.0 }],
             mount: None,
         });

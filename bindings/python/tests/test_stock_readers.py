@@ -217,7 +217,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
     )
     reported["/ballast/energy"] = fields(
         out.energy,
-        "initial_kinetic initial_potential kinetic potential external_work dissipated balance_error",
+        "initial_kinetic initial_potential initial_elastic kinetic potential elastic external_work dissipated balance_error",
     )
     reported["/ballast/hash"] = {"bytes": bytes.fromhex(state.hash)}
     window = {"seq": i + 1, "t0_ns": out.t0_ns, "t1_ns": out.t1_ns}

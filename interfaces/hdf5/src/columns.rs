@@ -219,6 +219,13 @@ fn placement(part: &Part) -> [f64; 7] {
 
 /// Name of an empty column, only in files of models without acceleration.
 pub const PLAIN: &str = "solver/plain";
+/// Name of the column with stiffness, ratio and damping time of the contacts between grains, then of those with each
+/// driven body; only in files of models whose contacts are not all rigid.
+pub const STIFFNESS: &str = "model/contact_stiffness";
+/// Name of the column with the energy of the contacts' springs at the start of the run and now, only where there is any.
+pub const ELASTIC: &str = "state/elastic_energy";
+/// Name of the column with the overlaps of the contacts' springs, m; only where there are any.
+pub const OVERLAP: &str = "contacts/overlap";
 /// Name of the column with factor and slop, only in files of models with penetration correction.
 pub const RECOVERY: &str = "solver/recovery";
 
@@ -265,6 +272,12 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
     if acceleration == Acceleration::None {
         columns.push(f64s(PLAIN, Vec::new()));
     }
+    // Absent where all contacts are rigid.
+    if !model.is_rigid() {
+        let of_bodies = model.driven.iter().map(|d| &d.stiffness);
+        let all = std::iter::once(&model.grain_stiffness).chain(of_bodies);
+        columns.push(rows(STIFFNESS, all.map(|s| [s.normal, s.tangential_ratio, s.damping_time])));
+    }
     // Absent without penetration correction.
     if let Some(PenetrationCorrection { factor, slop, iterations }) = penetration_correction {
         columns.push(f64s(RECOVERY, vec![factor, slop]));
@@ -276,7 +289,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
 fn of_state(state: &State) -> Vec<Column<'_>> {
     let memory = &state.contacts;
     let energy = &state.energy;
-    vec![
+    let mut columns = vec![
         u64s("state/step", vec![state.step]),
         u64s("state/time_ns", vec![state.time_ns]),
         vectors("state/position", &state.position),
@@ -303,7 +316,15 @@ fn of_state(state: &State) -> Vec<Column<'_>> {
                 energy.dissipated,
             ],
         ),
-    ]
+    ];
+    if memory.overlap.iter().any(|overlap| *overlap != 0.0) {
+        columns.push(f64s(OVERLAP, memory.overlap.as_slice()));
+    }
+    let elastic = [energy.initial_elastic, energy.elastic];
+    if elastic != [0.0; 2] {
+        columns.push(f64s(ELASTIC, elastic.to_vec()));
+    }
+    columns
 }
 
 /// Returns 1 or 0 for a known or unknown twist, then velocity and angular velocity.

@@ -2,14 +2,17 @@
 //!
 //! Reads: a [`ColumnSource`]. Contract: the result has consistent lengths; [`crate::validate`] checks its values.
 
-use crate::columns::{CONVEX, HALF_SPACE, HELD, LOADED, MOUNT, PLAIN, RECOVERY, SPRUNG, TWIST};
+use crate::columns::{
+    CONVEX, ELASTIC, HALF_SPACE, HELD, LOADED, MOUNT, OVERLAP, PLAIN, RECOVERY, SPRUNG, STIFFNESS,
+    TWIST,
+};
 use crate::error::{Fault, Result};
 use crate::image::ColumnSource;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    Acceleration, DofMode, DrivenBody, Grains, Model, Mount, Norm, Part, PartitionRule,
-    PenetrationCorrection, Role, Schedule, Solver, Stepping,
+    Acceleration, ContactStiffness, DofMode, DrivenBody, Grains, Model, Mount, Norm, Part,
+    PartitionRule, PenetrationCorrection, Role, Schedule, Solver, Stepping,
 };
 use ballast::state::{ContactMemory, DriverState, EnergyLedger, State};
 use ballast::window_memory::{
@@ -26,12 +29,15 @@ pub(crate) fn model(source: &ColumnSource) -> Result<Model> {
         inertia: vectors(source, "grains/inertia", Some(ng.len()))?,
         shape: ng,
     };
+    let mut driven = driven(source)?;
+    let grain_stiffness = read_stiffness(source, &mut driven)?;
     Ok(Model {
         shapes,
         grains,
-        driven: driven(source)?,
+        driven,
         gravity: vectors(source, "model/gravity", Some(1))?[0],
         grain_friction: source.real("model/grain_friction")?,
+        grain_stiffness,
         restitution: source.real("model/restitution")?,
         stepping: Stepping {
             step_ns: source.number("stepping/step_ns")?,
@@ -42,10 +48,28 @@ pub(crate) fn model(source: &ColumnSource) -> Result<Model> {
     })
 }
 
+/// Sets the stiffness of the driven bodies, and returns that between grains.
+fn read_stiffness(source: &ColumnSource, driven: &mut [DrivenBody]) -> Result<ContactStiffness> {
+    if !source.has(STIFFNESS) {
+        return Ok(ContactStiffness::RIGID);
+    }
+    let numbers = source.reals(STIFFNESS, Some(1 + driven.len()), 3)?;
+    let mut rows = numbers.as_chunks().0.iter().map(|&[normal, tangential_ratio, damping_time]| {
+        ContactStiffness { normal, tangential_ratio, damping_time }
+    });
+    let of_grains = rows.next().unwrap_or_default();
+    for (body, stiffness) in driven.iter_mut().zip(rows) {
+        body.stiffness = stiffness;
+    }
+    Ok(of_grains)
+}
+
 pub(crate) fn state(source: &ColumnSource, model: &Model) -> Result<State> {
     let nb = Some(model.body_count());
     let orientation = source.reals("state/orientation", nb, 4)?;
     let energy = source.reals("state/energy", Some(6), 1)?;
+    let elastic =
+        if source.has(ELASTIC) { source.reals(ELASTIC, Some(2), 1)? } else { vec![0.0; 2] };
     Ok(State {
         step: source.number("state/step")?,
         time_ns: source.number("state/time_ns")?,
@@ -70,8 +94,10 @@ pub(crate) fn state(source: &ColumnSource, model: &Model) -> Result<State> {
         energy: EnergyLedger {
             initial_kinetic: energy[0],
             initial_potential: energy[1],
+            initial_elastic: elastic[0],
             kinetic: energy[2],
             potential: energy[3],
+            elastic: elastic[1],
             work_in: energy[4],
             dissipated: energy[5],
         },
@@ -119,10 +145,15 @@ fn contacts(source: &ColumnSource) -> Result<ContactMemory> {
     let bodies = bodies.as_chunks().0.to_vec();
     let nc = Some(bodies.len());
     Ok(ContactMemory {
-        bodies,
         feature: source.numbers("contacts/feature", nc, 1)?,
         local_point: vectors(source, "contacts/local_point", nc)?,
         impulse: vectors(source, "contacts/impulse", nc)?,
+        overlap: if source.has(OVERLAP) {
+            source.reals(OVERLAP, nc, 1)?
+        } else {
+            vec![0.0; bodies.len()]
+        },
+        bodies,
     })
 }
 
@@ -214,6 +245,7 @@ fn driven(source: &ColumnSource) -> Result<Vec<DrivenBody>> {
             name,
             role: source.choose("driven/role", &roles[d], &Role::ALL, Role::name)?,
             friction: friction[d],
+            stiffness: ContactStiffness::RIGID,
             parts: parts[of_parts[d].clone()].to_vec(),
             mount: mounts.get(d).copied(),
         })

@@ -145,6 +145,7 @@ pub fn energy(source: &ReportSource, bands: &[ChartBand]) -> [Chart; 2] {
         chart("Energy of the grains")
             .with("kinetic", of(Column::Kinetic), SeriesStyle::Line)
             .with("potential, change since the start", potential, SeriesStyle::Line)
+            .with("springs of the contacts", of(Column::Elastic), SeriesStyle::Line)
             .with("balance error", of(Column::BalanceError), SeriesStyle::Line),
     ]
 }

@@ -5,10 +5,10 @@
 //! names or other formats.
 
 use ballast::geometry::GrainShape;
-use ballast::model::Stepping;
+use ballast::model::{ContactStiffness, Stepping};
 use ballast::track::plan::{
     BedPlan, BlockPlan, FrictionPlan, GrainPlan, Plan, PreparationPlan, RunPlan, SizeClass,
-    SleeperPlan,
+    SleeperPlan, StiffnessPlan,
 };
 
 /// Version of the preparation, raised when the same plan gives another bed: old keys then match no bed.
@@ -65,14 +65,27 @@ impl ContentHasher {
     // The patterns list every field, so that a new one cannot be forgotten here.
 
     fn bed(&mut self, bed: &BedPlan) {
-        let BedPlan { size, seed, density, grains, friction, gravity, preparation } = bed;
+        let BedPlan { size, seed, density, grains, friction, stiffness, gravity, preparation } =
+            bed;
         self.numbers(size.iter());
         self.integer(*seed);
         self.numbers([density, gravity]);
         self.grains(grains);
         let FrictionPlan { grain, sleeper, tine: _, boundary } = friction;
         self.numbers([grain, sleeper, boundary]);
+        self.stiffness(stiffness);
         self.preparation(preparation);
+    }
+
+    /// Hashes the stiffness; nothing where all contacts are rigid, as before there was one.
+    fn stiffness(&mut self, stiffness: &StiffnessPlan) {
+        let StiffnessPlan { grain, sleeper, tine: _, boundary } = stiffness;
+        let of_bed = [grain, sleeper, boundary];
+        if of_bed.iter().any(|s| !s.is_rigid()) {
+            for ContactStiffness { normal, tangential_ratio, damping_time } in of_bed {
+                self.numbers([normal, tangential_ratio, damping_time]);
+            }
+        }
     }
 
     fn grains(&mut self, grains: &GrainPlan) {

@@ -6,9 +6,10 @@ use crate::layout::Layout;
 use crate::report::DiagnosticReport;
 use ballast::geometry::GrainShape;
 use ballast::math::Vec3;
+use ballast::model::ContactStiffness;
 use ballast::track::plan::{
     BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, Plan, PreparationPlan, RunPlan,
-    SizeClass, SqueezePlan, TampingPlan, VibrationPlan,
+    SizeClass, SqueezePlan, StiffnessPlan, TampingPlan, VibrationPlan,
 };
 
 /// Converts `case` to a plan, which is valid only if `report` has no error afterwards.
@@ -46,8 +47,26 @@ fn bed(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) -> BedPl
             tine: bed.friction.tine,
             boundary: bed.friction.boundary,
         },
+        stiffness: stiffness(&bed.stiffness),
         gravity: bed.gravity_m_per_s2,
         preparation: preparation(bed, layout, report),
+    }
+}
+
+fn stiffness(stiffness: &case_file::StiffnessSection) -> StiffnessPlan {
+    let of = |normal: Option<f64>| match normal.or(stiffness.grain) {
+        None | Some(f64::INFINITY) => ContactStiffness::RIGID,
+        Some(normal) => ContactStiffness {
+            normal,
+            tangential_ratio: stiffness.tangential_ratio,
+            damping_time: stiffness.damping_s,
+        },
+    };
+    StiffnessPlan {
+        grain: of(None),
+        sleeper: of(stiffness.sleeper),
+        tine: of(stiffness.tine),
+        boundary: of(stiffness.boundary),
     }
 }
 

@@ -78,6 +78,7 @@ quantities! {
     Rattlers: "rattlers", "coordination.rattlers", "rattlers", "", "", "Number of grains without an impulse (T-25).";
     Kinetic: "kinetic", "energy_J.kinetic", "kinetic", "J", "EnergyLedger.kinetic", "Kinetic energy of the grains (T-14).";
     Potential: "potential", "energy_J.potential", "potential", "J", "EnergyLedger.potential", "Potential energy of the grains in gravity, 0 at the origin of the world (T-14).";
+    Elastic: "elastic", "energy_J.elastic", "elastic", "J", "EnergyLedger.elastic", "Energy of the contacts' springs (T-42).";
     ExternalWork: "external_work", "energy_J.external_work", "external work", "J", "EnergyLedger.external_work", "Work of the driven bodies on the grains since the start (T-14).";
     Dissipated: "dissipated", "energy_J.dissipated", "dissipated", "J", "EnergyLedger.dissipated", "Energy dissipated in contacts since the start (T-14).";
     BalanceError: "balance_error", "energy_J.balance_error", "balance error", "J", "EnergyLedger.balance_error", "Energy that the other terms leave unaccounted for since the start (T-14).";

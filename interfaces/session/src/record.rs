@@ -56,6 +56,7 @@ columns! {
         Rattlers: |s| s.coordination.rattlers as f64;
         Kinetic: |s| s.state.energy.kinetic;
         Potential: |s| s.state.energy.potential;
+        Elastic: |s| s.state.energy.elastic;
         ExternalWork: |s| s.state.energy.work_in;
         Dissipated: |s| s.state.energy.dissipated;
         BalanceError: |s| s.state.energy.balance_error();
@@ -194,8 +195,10 @@ mod tests {
             energy: EnergyLedger {
                 initial_kinetic: 0.5,
                 initial_potential: 13.0,
+                initial_elastic: 0.5,
                 kinetic: 1.25,
                 potential: 16.5,
+                elastic: 0.5,
                 work_in: 3.75,
                 dissipated: 1.75,
             },
@@ -271,6 +274,7 @@ mod tests {
             ("rattlers", "", 3.0),
             ("kinetic", "J", 1.25),
             ("potential", "J", 16.5),
+            ("elastic", "J", 0.5),
             ("external_work", "J", 3.75),
             ("dissipated", "J", 1.75),
             ("balance_error", "J", 2.25),

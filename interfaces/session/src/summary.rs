@@ -363,6 +363,7 @@ impl RunSummary {
             "energy_J": {
                 (Q::Kinetic.key()): last(Column::Kinetic),
                 (Q::Potential.key()): last(Column::Potential),
+                (Q::Elastic.key()): last(Column::Elastic),
                 (Q::ExternalWork.key()): last(Column::ExternalWork),
                 (Q::Dissipated.key()): last(Column::Dissipated),
                 (Q::BalanceError.key()): last(Column::BalanceError),

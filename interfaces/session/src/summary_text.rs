@@ -114,6 +114,7 @@ fn energy(summary: &RunSummary) -> TextTable {
         for (quantity, column) in [
             (Q::Kinetic, Column::Kinetic),
             (Q::Potential, Column::Potential),
+            (Q::Elastic, Column::Elastic),
             (Q::ExternalWork, Column::ExternalWork),
             (Q::Dissipated, Column::Dissipated),
             (Q::BalanceError, Column::BalanceError),

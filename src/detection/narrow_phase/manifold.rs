@@ -31,6 +31,9 @@ const MERGE_DISTANCE: f64 = 1e-7;
 /// Rounding then does not change the selection from step to step.
 const TIE: f64 = 2.5e-10;
 
+/// Weight of open points beside overlapping ones where these carry forces of springs.
+const OPEN_WEIGHT: f64 = 1e-3;
+
 /// Keeps at most [`MAX_POINTS`] of `points`, including the deepest, and leaves them sorted by feature.
 ///
 /// `n` is the contact normal, `alert` the largest gap and `size` the length that tolerances refer to.
@@ -60,14 +63,16 @@ pub fn keep_four(
     let deepest = points[place];
     let range = alert - deepest.gap.max(0.0);
     let (t, s) = crate::math::frame::tangents(n);
+    let open_weight = if hull.prefers_overlaps { OPEN_WEIGHT } else { 1.0 };
     let flat = |c: &ManifoldPoint| {
-        let weight = if range > 0.0 { ((alert - c.gap) / range).clamp(0.0, 1.0) } else { 1.0 };
+        let near = if range > 0.0 { ((alert - c.gap) / range).clamp(0.0, 1.0) } else { 1.0 };
+        let weight = if c.gap < 0.0 { near } else { open_weight * near };
         let p = (c.point - deepest.point) * weight;
         [t.dot(&p), s.dot(&p)]
     };
     hull.points.clear();
     hull.points.extend(points.iter().enumerate().map(|(k, c)| (flat(c), k)));
-    let HullBuffers { points: all, chain: corners } = hull;
+    let HullBuffers { points: all, chain: corners, .. } = hull;
     plane::hull(all, corners);
     let first = corners.iter().position(|(_, k)| *k == place);
     if let Some(first) = first {
@@ -129,6 +134,8 @@ type HullPoint = plane::PlanePoint<usize>;
 /// Points of the plane, and buffers for their convex hull.
 #[derive(Debug, Default)]
 pub struct HullBuffers {
+    /// True if overlapping points take precedence, as springs would lose their forces from step to step (T-42).
+    pub prefers_overlaps: bool,
     points: Vec<HullPoint>,
     chain: Vec<HullPoint>,
 }

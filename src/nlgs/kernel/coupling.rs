@@ -1,4 +1,4 @@
-//! Coupling of a block of contacts with its bodies: `u = Hᵀ V + c` and `V += M⁻¹ H Δr`.
+//! Coupling of a block of contacts with its bodies: `u = Hᵀ V + C r + c` and `V += M⁻¹ H Δr`.
 
 use crate::lanes::{BodyVelocity, Lanes, each};
 use crate::nlgs::block::{LawRows, PairBlock, Row64, SingleBlock};
@@ -52,6 +52,12 @@ pub fn dot<L: Lanes>(a: &[L; 3], b: [L; 3], plus: L) -> L {
     a[2].mul_add(b[2], a[1].mul_add(b[1], a[0].mul_add(b[0], plus)))
 }
 
+/// Returns component `k` of the offset and of the yielding of the springs under the impulses: `C r + c`.
+#[inline(always)]
+fn spring_velocity<L: Lanes>(law: &LawRows, impulse: &[Row64; 3], k: usize, offset: L) -> L {
+    L::load32(&law.compliance[k.min(1)]).mul_add(L::load(&impulse[k]), offset)
+}
+
 #[inline(always)]
 fn arm_dot<L: Lanes>(arms: &[[f32; 8]; 9], axis: usize, line: &[L; 8], plus: L) -> L {
     let arm = each!(J in 3 => L::load32(&arms[3 * axis + J]));
@@ -101,9 +107,10 @@ impl ContactBlock for PairBlock {
             unsafe { (L::gather(lines, &self.candidate), L::gather(lines, &self.antagonist)) };
         let axes = load_axes(&self.normal, &self.tangent);
         let relative = each!(J in 3 => c[J].sub(a[J]));
-        let plus = [L::load32(&self.offset), L::splat(0.0), L::splat(0.0)];
         let u = each!(K in 3 => {
-            let of_centres = dot(&axes[K], relative, plus[K]);
+            let offset = L::load32(&self.offset[K]);
+            let spring = spring_velocity(&self.law, &self.impulse, K, offset);
+            let of_centres = dot(&axes[K], relative, spring);
             let of_candidate = arm_dot(&self.candidate_arms, K, &c, of_centres);
             of_candidate.sub(arm_dot(&self.antagonist_arms, K, &a, L::splat(0.0)))
         });
@@ -153,7 +160,9 @@ impl ContactBlock for SingleBlock {
         let line: [L; 8] = unsafe { L::gather(lines, &self.grain) };
         let axes = load_axes(&self.normal, &self.tangent);
         let u = each!(K in 3 => {
-            let of_centre = dot(&axes[K], [line[0], line[1], line[2]], L::load(&self.offset[K]));
+            let offset = L::load(&self.offset[K]);
+            let spring = spring_velocity(&self.law, &self.impulse, K, offset);
+            let of_centre = dot(&axes[K], [line[0], line[1], line[2]], spring);
             arm_dot(&self.arms, K, &line, of_centre)
         });
         ((axes, line), u)

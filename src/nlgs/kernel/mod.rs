@@ -1,6 +1,6 @@
 //! Passes over the blocks of a set: sweep, measured sweep, application of impulses, natural map.
 //!
-//! Reads: blocks. Writes: lines and impulses. Cost: about 160 bytes of memory traffic per visit.
+//! Reads: blocks. Writes: lines and impulses. Cost: about 176 bytes of memory traffic per visit.
 //! Contract: the same bits from every [`InstructionSet`].
 //!
 //! `unsafe` is sound here because a set is packed with indices checked against its number of lines, and passes

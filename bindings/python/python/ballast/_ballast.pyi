@@ -900,12 +900,20 @@ class EnergyLedger:
         """Potential energy at the start of the run, J."""
 
     @property
+    def initial_elastic(self) -> float:
+        """Energy of the contacts' springs at the start of the run, J."""
+
+    @property
     def kinetic(self) -> float:
         """Current kinetic energy, J."""
 
     @property
     def potential(self) -> float:
         """Current potential energy, J."""
+
+    @property
+    def elastic(self) -> float:
+        """Current energy of the contacts' springs, J."""
 
     @property
     def external_work(self) -> float:

@@ -240,10 +240,14 @@ message_class!(PyEnergyLedger("EnergyLedger"):
     initial_kinetic: f64 = |m, _| m.initial_kinetic,
     #[doc = stub!("EnergyLedger.initial_potential")]
     initial_potential: f64 = |m, _| m.initial_potential,
+    #[doc = stub!("EnergyLedger.initial_elastic")]
+    initial_elastic: f64 = |m, _| m.initial_elastic,
     #[doc = stub!("EnergyLedger.kinetic")]
     kinetic: f64 = |m, _| m.kinetic,
     #[doc = stub!("EnergyLedger.potential")]
     potential: f64 = |m, _| m.potential,
+    #[doc = stub!("EnergyLedger.elastic")]
+    elastic: f64 = |m, _| m.elastic,
     #[doc = stub!("EnergyLedger.external_work")]
     external_work: f64 = |m, _| m.external_work,
     #[doc = stub!("EnergyLedger.dissipated")]

@@ -29,6 +29,7 @@ pub fn model() -> Model {
         name: name.into(),
         role,
         friction,
+        stiffness: ContactStiffness::RIGID,
         parts,
         mount: None,
     };
@@ -67,6 +68,7 @@ pub fn model() -> Model {
         driven,
         gravity: Vec3::new(0.0, -0.0, -9.81),
         grain_friction: 0.8,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: 0.1,
         stepping: Stepping { step_ns: 100_000, theta: 0.5, detection_distance: 1e-3 },
         solver: Solver {

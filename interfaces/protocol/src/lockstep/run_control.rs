@@ -4,7 +4,7 @@ use super::saved_states::{SavedState, SavedStates};
 use super::{Lockstep, ParameterUpdate, RequestError, RunPosition, StateName, check_name};
 use ballast::component::{Component, Limits};
 use ballast::math::Vec3;
-use ballast::model::{Grains, Model, Solver, Stepping};
+use ballast::model::{ContactStiffness, Grains, Model, Solver, Stepping};
 use ballast::state::State;
 use std::sync::Arc;
 
@@ -16,6 +16,7 @@ pub fn empty_model() -> Model {
         driven: Vec::new(),
         gravity: Vec3::zeros(),
         grain_friction: 0.0,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: 0.0,
         stepping: Stepping { step_ns: 1, theta: 0.5, detection_distance: 0.0 },
         solver: Solver::default(),

@@ -17,8 +17,10 @@ impl From<state::EnergyLedger> for EnergyLedger {
         Self {
             initial_kinetic: e.initial_kinetic,
             initial_potential: e.initial_potential,
+            initial_elastic: e.initial_elastic,
             kinetic: e.kinetic,
             potential: e.potential,
+            elastic: e.elastic,
             external_work: e.work_in,
             dissipated: e.dissipated,
             balance_error: e.balance_error(),
@@ -31,8 +33,10 @@ impl From<EnergyLedger> for state::EnergyLedger {
         Self {
             initial_kinetic: e.initial_kinetic,
             initial_potential: e.initial_potential,
+            initial_elastic: e.initial_elastic,
             kinetic: e.kinetic,
             potential: e.potential,
+            elastic: e.elastic,
             work_in: e.external_work,
             dissipated: e.dissipated,
         }

@@ -160,10 +160,14 @@ message!(
         initial_kinetic: f64,
         /// Potential energy at the start.
         initial_potential: f64,
+        /// Energy of the contacts' springs at the start.
+        initial_elastic: f64,
         /// Kinetic energy.
         kinetic: f64,
         /// Potential energy.
         potential: f64,
+        /// Energy of the contacts' springs.
+        elastic: f64,
         /// Work of the driven bodies on the grains.
         external_work: f64,
         /// Energy dissipated in contacts.

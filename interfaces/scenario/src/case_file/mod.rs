@@ -9,7 +9,7 @@ pub mod range;
 mod run;
 mod tamping;
 
-pub use bed::{BedSection, GrainsSection};
+pub use bed::{BedSection, GrainsSection, StiffnessSection};
 pub use layout::{
     BlockSection, DofModeName, SleeperMountSection, SleeperRow, SleeperSection, SqueezeDirection,
     TineMountSection, TineRows, TineSection,

@@ -45,6 +45,11 @@ range!(
     Stiffness, "type": "number", "exclusiveMinimum": 0, "maximum": 1000000000000000000u64
 );
 range!(
+    /// Stiffness of a contact, N/m, from far below that of rubber to far beyond that of steel; TOML's `inf` is allowed and
+    /// means "rigid".
+    ContactStiffness, "type": "number", "minimum": 1000, "maximum": 1000000000000u64, "x-infinite": true
+);
+range!(
     /// Damping of 0 or more, N s/m or N m s/rad, or ratio to the critical damping.
     Damping, "type": "number", "minimum": 0, "maximum": 1000000000000000000u64
 );

@@ -3,7 +3,7 @@
 use crate::case_file::{BedSection, CaseFile, GrainsSection};
 use crate::diagnostic::DiagnosticText;
 use crate::report::DiagnosticReport;
-use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS};
+use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS, StiffnessPlan};
 use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MAX_CELLS, MAX_GRAINS};
 
 /// Maximum number of grains of a bed that is meant.
@@ -25,6 +25,25 @@ pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
     grain_number(&case.bed, plan, report);
     pouring_step(&case.bed, report);
     weight(&case.bed, report);
+    rebound(case, plan, report);
+}
+
+/// Refuses a coefficient of restitution of contacts whose springs return the bodies.
+fn rebound(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
+    let StiffnessPlan { grain, sleeper, tine, boundary } = &plan.stiffness;
+    let has_springs = [grain, sleeper, tine, boundary].iter().any(|s| !s.is_rigid());
+    let (key, restitution) = ("run.restitution", case.run.restitution);
+    if has_springs && restitution != 0.0 && report.is_clean(&[key]) {
+        let text = DiagnosticText {
+            problem: "contacts with a stiffness have no coefficient of restitution".into(),
+            found: restitution.to_string(),
+            expected: "0, or rigid contacts (no `bed.stiffness`)".into(),
+            hint: Some(
+                "the springs of the contacts return the bodies; `damping_s` lowers it".into(),
+            ),
+        };
+        report.error(key, text);
+    }
 }
 
 fn fractions(bed: &BedSection, report: &mut DiagnosticReport) {

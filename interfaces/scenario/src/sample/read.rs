@@ -4,7 +4,9 @@ use super::content::{Sample, SampleError};
 use super::file::{FORMAT, SampleFile, SampleFixedBody, SampleGrain, SampleSolver};
 use ballast::geometry::{Polyhedron, convex_hull};
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::{self, DrivenBody, Grains, Model, Part, Role, Schedule, Stepping};
+use ballast::model::{
+    self, ContactStiffness, DrivenBody, Grains, Model, Part, Role, Schedule, Stepping,
+};
 use ballast::state::State;
 use std::collections::BTreeSet;
 
@@ -33,6 +35,7 @@ pub fn read(text: &str, name: &str) -> Result<Sample, SampleError> {
         driven: Vec::new(),
         gravity: root.vector(file.gravity, "gravity")?,
         grain_friction: file.friction.grain_grain,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: file.restitution,
         stepping,
         solver,
@@ -163,7 +166,14 @@ fn fixed_body(
     let part = Part::Convex { shape: shapes.len() as u32, pose: local };
     shapes.push(polyhedron);
     let name = fixed.name.clone().unwrap_or_else(|| format!("fixed_{}", i + 1));
-    Ok(DrivenBody { name, role: Role::Boundary, friction, parts: vec![part], mount: None })
+    Ok(DrivenBody {
+        name,
+        role: Role::Boundary,
+        friction,
+        stiffness: ContactStiffness::RIGID,
+        parts: vec![part],
+        mount: None,
+    })
 }
 
 fn hull(vertices: &[[f64; 3]], context: &ErrorContext) -> Result<(Polyhedron, Pose), SampleError> {

@@ -2,7 +2,7 @@
 
 use crate::{BASE, changed};
 use ballast::math::Vec3;
-use ballast::model::{DofMode, Grains, Model, Solver};
+use ballast::model::{ContactStiffness, DofMode, Grains, Model, Solver};
 use ballast::track::TampingCycle;
 use ballast::track::boundary::boundaries;
 use ballast::track::plan::Plan;
@@ -311,6 +311,7 @@ fn model_without_grains(plan: &Plan) -> Model {
         driven,
         gravity: Vec3::new(0.0, 0.0, -plan.bed.gravity),
         grain_friction: plan.bed.friction.grain,
+        grain_stiffness: ContactStiffness::RIGID,
         restitution: plan.run.restitution,
         stepping: plan.run.stepping,
         solver: plan.run.solver,

@@ -1,7 +1,7 @@
 //! Neutral samples: conversion in both directions, and errors of broken ones.
 
 use ballast::math::Vec3;
-use ballast::model::{DrivenBody, Norm, Part, Role, Schedule};
+use ballast::model::{ContactStiffness, DrivenBody, Norm, Part, Role, Schedule};
 use ballast_scenario::sample::{self, Sample, SampleError};
 use serde_json::{Value, json};
 
@@ -111,6 +111,7 @@ fn half_spaces_are_written_as_blocks_below_their_plane() {
         name: "slope".into(),
         role: Role::Boundary,
         friction: 0.8,
+        stiffness: ContactStiffness::RIGID,
         parts: vec![Part::HalfSpace { normal: Vec3::new(0.6, 0.0, 0.8), offset: 0.25 }],
         mount: None,
     });
