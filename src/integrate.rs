@@ -177,15 +177,21 @@ impl StepMotion<'_> {
         contacts.map(end).collect_into_vec(overlap);
     }
 
-    /// Energy of the springs of contact `c` with impulse `f` (N s) and `overlap` (m) at the end of the step, J (T-42).
+    /// Energy of the springs of contact `c` with impulse `f` (N s) at the end of the step, J (T-42).
+    ///
+    /// `overlap` is that in configuration m of the next step, m; kinetic energies are those of the end of the step.
     fn spring_energy(&self, contacts: &Contacts, c: usize, f: &Vec3, overlap: f64) -> f64 {
         if overlap == 0.0 && *f == Vec3::zeros() {
             return 0.0;
         }
-        let (normal, h) = (&contacts.normal[c], self.model.stepping.h());
+        let (normal, stepping) = (&contacts.normal[c], &self.model.stepping);
+        let h = stepping.h();
+        let twist = |b: usize| self.motion.twist(self.velocity, self.angular_velocity, b);
+        let opening = contacts.opening_speed(c, self.motion, twist);
+        let at_end = (overlap + (1.0 - stepping.theta) * h * opening).max(0.0);
         let tangential_squared = (f.norm_squared() - f.dot(normal).powi(2)).max(0.0) / (h * h);
         let stiffness = self.model.contact_stiffness(contacts.bodies[c][1] as usize);
-        stiffness.energy(overlap, tangential_squared)
+        stiffness.energy(at_end, tangential_squared)
     }
 
     /// Mean velocity over the step of the point of body `b` at `point`, with which impulses do work.

@@ -28,7 +28,9 @@ const RECOVERY_SPEED: f64 = 0.05;
 pub struct ContactHistory {
     /// Impulse on the candidate in the last step, world axes, N s `[nc]`; zero for a new contact.
     pub impulse: Vec<Vec3>,
-    /// Overlap of the contact's spring where the last step ended, m `[nc]`; zero for a new contact.
+    /// Largest overlap of the springs of the same two bodies where the last step ended, m `[nc]`; zero for a new pair.
+    ///
+    /// Points of a pair come and go: those that come share the overlap that the pair has had.
     pub overlap: Vec<f64>,
 }
 
@@ -45,14 +47,25 @@ impl ContactHistory {
     }
 }
 
-/// Number that stands for no contact.
-const NONE: u32 = u32::MAX;
+/// Contact of the last step that is the same as one of this step.
+#[derive(Debug, Clone, Copy)]
+struct ContactMatch {
+    /// Number in the memory, or [`ContactMatch::NONE`].
+    contact: u32,
+    /// Largest overlap of the pair in the memory, m.
+    overlap: f64,
+}
 
-/// Fills `history` with impulse and overlap of each contact `[nc]` in the last step (T-20).
+impl ContactMatch {
+    /// Number that stands for no contact.
+    const NONE: u32 = u32::MAX;
+}
+
+/// Fills `history` with the impulse of each contact `[nc]` in the last step, and the overlap of its pair (T-20).
 ///
-/// They are those of the same contact in `memory`, or zero without one. In a pair of bodies, contacts with equal features
-/// are the same. Of the others, the nearest points in the candidate's frame are matched first, up to a fifth of its
-/// radius.
+/// The impulse is that of the same contact in `memory`, or zero without one. In a pair of bodies, contacts with equal
+/// features are the same. Of the others, the nearest points in the candidate's frame are matched first, up to a fifth of
+/// its radius.
 pub fn match_contacts(
     model: &Model,
     motion: &Motion,
@@ -60,12 +73,12 @@ pub fn match_contacts(
     contacts: &Contacts,
     history: &mut ContactHistory,
 ) {
-    let mut matches = vec![NONE; contacts.len()];
+    let none = ContactMatch { contact: ContactMatch::NONE, overlap: 0.0 };
+    let mut matches = vec![none; contacts.len()];
     ContactMatching { model, motion, memory, contacts }.run(0, &mut matches);
-    let of = |o: &u32| {
-        let o = *o as usize;
-        let found = memory.impulse.get(o).zip(memory.overlap.get(o));
-        found.map_or((Vec3::zeros(), 0.0), |(impulse, overlap)| (*impulse, *overlap))
+    let of = |found: &ContactMatch| {
+        let impulse = memory.impulse.get(found.contact as usize);
+        (impulse.copied().unwrap_or_default(), found.overlap)
     };
     let matches = matches.par_iter().with_min_len(8192);
     matches.map(of).unzip_into_vecs(&mut history.impulse, &mut history.overlap);
@@ -105,7 +118,7 @@ struct ContactMatching<'a> {
 
 impl ContactMatching<'_> {
     /// Matches the contacts `from..from + matches.len()`, which are those of whole pairs.
-    fn run(&self, from: usize, matches: &mut [u32]) {
+    fn run(&self, from: usize, matches: &mut [ContactMatch]) {
         match self.cut(from, matches.len()) {
             Some(n) => {
                 let (left, right) = matches.split_at_mut(n);
@@ -122,7 +135,7 @@ impl ContactMatching<'_> {
         (n > CHUNK).then(|| (n / 2..n).find(starts_pair))?
     }
 
-    fn match_all(&self, from: usize, matches: &mut [u32]) {
+    fn match_all(&self, from: usize, matches: &mut [ContactMatch]) {
         let Some(first) = self.contacts.bodies.get(from) else { return };
         let old_bodies = &self.memory.bodies;
         let mut old = old_bodies.partition_point(|b| b < first);
@@ -149,9 +162,11 @@ impl ContactMatching<'_> {
         &self,
         new: std::ops::Range<usize>,
         old: std::ops::Range<usize>,
-        matches: &mut [u32],
+        matches: &mut [ContactMatch],
         used: &mut Vec<bool>,
     ) {
+        let overlap = self.memory.overlap[old.clone()].iter().copied().fold(0.0, f64::max);
+        matches.iter_mut().for_each(|found| found.overlap = overlap);
         used.clear();
         used.resize(old.len() + new.len(), false);
         let (old_used, new_used) = used.split_at_mut(old.len());
@@ -159,7 +174,7 @@ impl ContactMatching<'_> {
             let same = |o: &usize| self.memory.feature[*o] == self.contacts.feature[n];
             let unused = old.clone().filter(|o| !old_used[o - old.start]);
             if let Some(o) = unused.into_iter().find(same) {
-                matches[n - new.start] = o as u32;
+                matches[n - new.start].contact = o as u32;
                 old_used[o - old.start] = true;
                 new_used[n - new.start] = true;
             }
@@ -184,7 +199,7 @@ impl ContactMatching<'_> {
                 }
             }
             let Some((n, o)) = best.1 else { return };
-            matches[n - new.start] = o as u32;
+            matches[n - new.start].contact = o as u32;
             old_used[o - old.start] = true;
             new_used[n - new.start] = true;
         }

@@ -7,6 +7,7 @@ use super::{BlockSubset, ContactSet};
 use crate::lanes::InstructionSet;
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
+use crate::model::ContactStiffness;
 
 fn whole(problem: &LocalProblem) -> ContactSet {
     let contacts: Vec<u32> = (0..problem.contacts.len() as u32).collect();
@@ -24,8 +25,18 @@ fn largest(x: impl IntoIterator<Item = Vec3>) -> f64 {
 
 #[test]
 fn kernel_plain_and_assembled_sweeps_agree_to_rounding() {
-    for (seed, restitution, relaxation) in [(1, 0.0, 1.0), (2, 0.3, 0.7)] {
-        let scene = LatticeScene::grid([5, 4, 3], 2, restitution, seed);
+    for (seed, restitution, relaxation, stiffness) in
+        [(1, 0.0, 1.0, f64::INFINITY), (2, 0.3, 0.7, f64::INFINITY), (3, 0.0, 1.0, 1e6)]
+    {
+        let mut scene = LatticeScene::grid([5, 4, 3], 2, restitution, seed);
+        if stiffness.is_finite() {
+            let stiffness =
+                ContactStiffness { normal: stiffness, tangential_ratio: 0.5, damping_time: 1e-4 };
+            scene.model.grain_stiffness = stiffness;
+            scene.model.driven[0].stiffness = stiffness;
+            scene.build();
+            assert!(scene.problem.contacts.iter().all(|c| c.compliance[1] > c.compliance[0]));
+        }
         let mut set = whole(&scene.problem);
         let mut plain = MatrixFreeSolver::new(&scene.problem);
         let assembled = AssembledProblem::from_problem(&scene.problem);
