@@ -14,7 +14,7 @@ pub use crate::integrate::Reaction;
 use crate::integrate::{self, ContactBalance, StepMotion};
 use crate::local_problem::VelocitySolution;
 use crate::math::Vec3;
-use crate::model::{Model, PenetrationCorrection, Schedule, Solver};
+use crate::model::{Model, PenetrationCorrection, Role, Schedule, Solver};
 pub use crate::nlgs::Residuals;
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{CorrectionBuffers, Workspace};
@@ -69,14 +69,14 @@ pub fn advance(
         }
         ws.detection_range.reset(model, &ws.motion);
         observer.phase_finished(Phase::Predict);
-        detect(model, state, ws, observer);
+        detect(model, state, inputs, ws, observer);
         let [open, total] = open_impulse(model, &state.contacts, &ws.contacts);
         let mut report = solve(model, state, next, inputs, ws, model.solver, observer)?;
         while let Some(reason) = contact_recheck::recheck(model, ws, report.solve_passes) {
             observer.phase_finished(Phase::NarrowPhase);
             let mut solver = model.solver;
             match reason {
-                RecheckReason::RangeTooSmall => detect(model, state, ws, observer),
+                RecheckReason::RangeTooSmall => detect(model, state, inputs, ws, observer),
                 // Starts from the solved impulses, to which little is added.
                 RecheckReason::EndOfStepPenetration => {
                     solver.max_iterations = solver.max_iterations.div_ceil(2)
@@ -98,7 +98,13 @@ pub fn advance(
 }
 
 /// Finds the contacts within the detection range, and their initial impulses.
-fn detect(model: &Model, state: &State, ws: &mut Workspace, observer: &mut impl StepObserver) {
+fn detect(
+    model: &Model,
+    state: &State,
+    inputs: &StepInputs,
+    ws: &mut Workspace,
+    observer: &mut impl StepObserver,
+) {
     ws.detection_range.mark_searched();
     ws.detector.broad_phase(model, &ws.motion, &ws.detection_range);
     observer.phase_finished(Phase::BroadPhase);
@@ -107,7 +113,7 @@ fn detect(model: &Model, state: &State, ws: &mut Workspace, observer: &mut impl 
     observer.phase_finished(Phase::NarrowPhase);
 
     match_contacts(model, &ws.motion, &state.contacts, &ws.contacts, &mut ws.history);
-    let factor = model.solver.warm_start_factor;
+    let factor = if inputs.zero_start { 0.0 } else { model.solver.warm_start_factor };
     let previous = ws.history.impulse.par_iter().with_min_len(8192);
     previous.map(|r| r * factor).collect_into_vec(&mut ws.impulse);
     observer.phase_finished(Phase::WarmStart);
@@ -303,6 +309,7 @@ fn integrate_and_report(
         max_penetration: balance.max_depth,
         open_impulse: 0.0,
         total_impulse: 0.0,
+        force_check: ForceCheck::default(),
         limited_rotations: rotation_limit.grains,
         reactions,
     }
@@ -449,8 +456,37 @@ pub struct StepReport {
     pub total_impulse: f64,
     /// Number of grains whose energy was limited because they turned too far in the step (T-41).
     pub limited_rotations: usize,
+    /// Comparison of the forces on tines and sleepers with those of a second solution; zero where none was made.
+    pub force_check: ForceCheck,
     /// Reaction of the ballast on each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
+}
+
+/// Comparison of the impulses on tines and sleepers between two solutions of one step: one from the impulses of the last
+/// step, one from zero (T-43).
+///
+/// Where impulses are not unique, or iterations end before they are found, the two differ.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ForceCheck {
+    /// Sum of the magnitudes of the differences, N s.
+    pub difference: f64,
+    /// Sum of the magnitudes of the impulses, N s.
+    pub total: f64,
+}
+
+impl ForceCheck {
+    /// Compares the reactions of two solutions of a step.
+    pub(crate) fn new(model: &Model, solved: &StepReport, from_zero: &StepReport) -> Self {
+        let mut check = Self::default();
+        let both = solved.reactions.iter().zip(&from_zero.reactions);
+        for (body, (a, b)) in model.driven.iter().zip(both) {
+            if body.role != Role::Boundary {
+                check.difference += (a.impulse - b.impulse).norm();
+                check.total += a.impulse.norm();
+            }
+        }
+        check
+    }
 }
 
 impl StepReport {

@@ -133,6 +133,10 @@ pub struct SolverResult {
     pub mean_penetration: f64,
     /// Largest penetration of all steps, m (T-26).
     pub max_penetration: f64,
+    /// Differences of the impulses on tines and sleepers between two solutions of the checked steps, N s (T-43).
+    pub force_difference: f64,
+    /// Magnitudes of these impulses, N s; 0 where no step of the window was checked.
+    pub force_compared: f64,
 }
 
 /// End of a window, from which its result is read.
@@ -201,6 +205,8 @@ impl ResultAccumulator {
             }
         }
         let solver = &mut self.solver;
+        solver.force_difference += report.force_check.difference;
+        solver.force_compared += report.force_check.total;
         solver.iterations += u64::from(report.iterations);
         solver.visits += report.visits;
         solver.steps_not_converged += u64::from(!report.converged);

@@ -8,12 +8,13 @@ use super::waveform::Twist;
 use super::window::{WindowInputsRef, WindowPlan};
 use crate::cancel::StopReason;
 use crate::contact_recheck::penetration_beyond;
-use crate::drive::{SpeedLimit, StepInputs};
+use crate::drive::{Load, SpeedLimit, StepInputs};
 use crate::error::{Cause, Error};
+use crate::math::Pose;
 use crate::model::Model;
 use crate::observe::{SqueezeMeter, SqueezeRule, Zone};
 use crate::state::State;
-use crate::step::{StepObserver, StepReport, advance};
+use crate::step::{ForceCheck, StepObserver, StepReport, advance};
 use crate::window_memory::WindowMemory;
 use crate::workspace::Workspace;
 use std::ops::ControlFlow;
@@ -35,6 +36,8 @@ pub struct Component {
     last: Option<(Arc<State>, u64)>,
     state_pool: StatePool,
     workspace: Workspace,
+    /// Buffers of force checks, which leave those of the run as they are.
+    check_workspace: Workspace,
     speed_limit: SpeedLimit,
 }
 
@@ -61,6 +64,7 @@ impl Component {
             last: None,
             state_pool: StatePool::default(),
             workspace: Workspace::default(),
+            check_workspace: Workspace::default(),
             speed_limit,
         })
     }
@@ -306,6 +310,7 @@ impl Component {
             last: self.last.clone(),
             state_pool: StatePool::default(),
             workspace: Workspace::default(),
+            check_workspace: Workspace::default(),
             speed_limit: self.speed_limit.clone(),
         }
     }
@@ -356,12 +361,38 @@ impl Component {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
         let speed_limit = Some(&self.speed_limit);
-        let inputs = StepInputs { targets: &targets, loads: &loads, speed_limit };
+        let inputs =
+            StepInputs { targets: &targets, loads: &loads, speed_limit, zero_start: false };
         let mut next = self.state_pool.take();
-        let report =
+        let mut report =
             advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, observer)?;
         self.expect_shallow()?;
+        let interval = u64::from(self.model.solver.force_check_interval);
+        if interval > 0 && self.state.step % interval == interval - 1 {
+            report.force_check = self.check_forces(&targets, &loads, &report, observer)?;
+        }
         self.state_pool.keep(std::mem::replace(&mut self.state, Arc::new(next)));
         Ok(report)
+    }
+
+    /// Solves the step from the state again, from zero impulses, and compares the forces with those of `report`.
+    fn check_forces(
+        &mut self,
+        targets: &[Pose],
+        loads: &[Load],
+        report: &StepReport,
+        observer: &mut impl StepObserver,
+    ) -> Result<ForceCheck, Error> {
+        let inputs = StepInputs { targets, loads, speed_limit: None, zero_start: true };
+        let mut again = self.state_pool.take();
+        let workspace = &mut self.check_workspace;
+        let from_zero = advance(&self.model, &self.state, &mut again, &inputs, workspace, observer);
+        self.state_pool.keep(Arc::new(again));
+        match from_zero {
+            Ok(from_zero) => Ok(ForceCheck::new(&self.model, report, &from_zero)),
+            Err(Error::Stopped(reason)) => Err(Error::Stopped(reason)),
+            // The step itself has been solved.
+            Err(_) => Ok(ForceCheck::default()),
+        }
     }
 }

@@ -40,11 +40,13 @@ pub struct StepInputs<'a> {
     pub loads: &'a [Load],
     /// Limit of the displacement of a driven body in the step; `None` for no limit.
     pub speed_limit: Option<&'a SpeedLimit>,
+    /// True to start the iterations from zero impulses instead of those of the last step.
+    pub zero_start: bool,
 }
 
 impl<'a> StepInputs<'a> {
     /// Returns these targets without loads and without a speed limit.
     pub fn from_targets(targets: &'a [Pose]) -> Self {
-        Self { targets, loads: &[], speed_limit: None }
+        Self { targets, loads: &[], speed_limit: None, zero_start: false }
     }
 }

@@ -84,6 +84,9 @@ pub struct Solver {
     pub warm_start_factor: f64,
     /// Acceleration of the iterations to a tolerance.
     pub acceleration: Acceleration,
+    /// Steps from one force check to the next; 0: none. A check solves the step again from zero impulses, without effect on
+    /// the run, and compares the forces on tines and sleepers.
+    pub force_check_interval: u32,
     /// Position-level penetration correction; `None` leaves penetration as it is (T-34).
     pub penetration_correction: Option<PenetrationCorrection>,
 }
@@ -166,6 +169,7 @@ impl Default for Solver {
             relaxation: 1.0,
             warm_start_factor: 1.0,
             acceleration: Acceleration::Nncg,
+            force_check_interval: 50,
             penetration_correction: None,
         }
     }

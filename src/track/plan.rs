@@ -107,9 +107,13 @@ pub struct FrictionPlan {
 /// Stiffness of the contacts of grains with each kind of partner.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct StiffnessPlan {
+    /// Between two grains.
     pub grain: ContactStiffness,
+    /// Between grain and sleeper.
     pub sleeper: ContactStiffness,
+    /// Between grain and tine.
     pub tine: ContactStiffness,
+    /// Between grain and floor or wall.
     pub boundary: ContactStiffness,
 }
 

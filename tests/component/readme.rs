@@ -13,7 +13,7 @@ fn a_step_and_windows_as_shown() -> Result<(), Box<dyn std::error::Error>> {
     let (model, mut state) = (given.model().clone(), given.state().clone());
     let targets: Vec<_> = (0..model.driven.len()).map(|d| state.imposed(&model, d)).collect();
     let mut workspace = Workspace::default();
-    let inputs = StepInputs { targets: &targets, loads: &[], speed_limit: None };
+    let inputs = StepInputs { targets: &targets, loads: &[], speed_limit: None, zero_start: false };
     let report = step(&model, &mut state, &inputs, &mut workspace, &mut ())?;
     assert!(report.contacts > 0 && state.step == 1);
 

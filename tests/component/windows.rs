@@ -8,12 +8,13 @@ use ballast::component::{
 };
 use ballast::drive::StepInputs;
 use ballast::math::{Pose, Quat, Vec3};
-use ballast::model::Part;
+use ballast::model::{ContactStiffness, Part, Role};
 use ballast::observe::Zone;
 use ballast::step::step;
 use ballast::workspace::Workspace;
 use std::ops::ControlFlow;
 use std::slice::from_ref;
+use std::sync::Arc;
 
 /// The heap shaken from `now` to `t1`, in windows of `window` ms.
 fn shake(component: &mut Component, rest: ballast::math::Pose, t1_ms: u64, window: u64) {
@@ -344,4 +345,41 @@ fn a_step_that_stops_at_the_cap_is_a_warning() {
     let outcome = component.advance_to(10 * MS, &[]).expect("a window");
     assert_eq!(outcome.status, WindowStatus::Warn);
     assert!(outcome.solver.steps_not_converged > 0 && outcome.solver.residual_qm16 > 1e-8);
+}
+
+#[test]
+fn checks_of_forces_leave_the_run_as_it_is() {
+    let run = |interval: u32, soft: bool| {
+        let component = heap(Limits::default());
+        let mut model = component.model().clone();
+        model.solver.force_check_interval = interval;
+        // Forces on tools are compared, not those on boundaries.
+        model.driven.iter_mut().for_each(|body| body.role = Role::Sleeper);
+        if soft {
+            let springs =
+                ContactStiffness { normal: 1e6, tangential_ratio: 1.0, damping_time: 1e-3 };
+            model.grain_stiffness = springs;
+            model.driven.iter_mut().for_each(|body| body.stiffness = springs);
+            model.solver.tolerance = Some(1e-9);
+            model.solver.max_iterations = 5000;
+        }
+        let state = component.save();
+        let mut component =
+            Component::new(Arc::new(model), state, Limits::default()).expect("a component");
+        let rest = floor(&component);
+        let result =
+            component.advance_to(100 * MS, &[shaken(rest, 0, 100 * MS)]).expect("a window");
+        (component.save(), result.solver)
+    };
+    for soft in [false, true] {
+        let (end, solver) = run(10, soft);
+        let (undisturbed, unchecked) = run(0, soft);
+        assert!(same(&end, &undisturbed));
+        assert_eq!((unchecked.force_difference, unchecked.force_compared), (0.0, 0.0));
+        assert!(solver.force_compared > 0.0);
+        if soft {
+            let error = solver.force_difference / solver.force_compared;
+            assert!(error < 1e-5, "springs leave one solution: {error}");
+        }
+    }
 }

@@ -217,6 +217,8 @@ fn placement(part: &Part) -> [f64; 7] {
     }
 }
 
+/// Name of the column with the interval of force checks, only where it is not the default.
+pub const FORCE_CHECK: &str = "solver/force_check_interval";
 /// Name of an empty column, only in files of models without acceleration.
 pub const PLAIN: &str = "solver/plain";
 /// Name of the column with stiffness, ratio and damping time of the contacts between grains, then of those with each
@@ -239,6 +241,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         tolerance,
         norm,
         convergence_check_interval,
+        force_check_interval,
         relaxation,
         warm_start_factor,
         acceleration,
@@ -269,6 +272,9 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         f64s("solver/relaxation", vec![relaxation]),
         f64s("solver/warm_start", vec![warm_start_factor]),
     ];
+    if force_check_interval != Solver::default().force_check_interval {
+        columns.push(u32s(FORCE_CHECK, vec![force_check_interval]));
+    }
     if acceleration == Acceleration::None {
         columns.push(f64s(PLAIN, Vec::new()));
     }

@@ -3,8 +3,8 @@
 //! Reads: a [`ColumnSource`]. Contract: the result has consistent lengths; [`crate::validate`] checks its values.
 
 use crate::columns::{
-    CONVEX, ELASTIC, HALF_SPACE, HELD, LOADED, MOUNT, OVERLAP, PLAIN, RECOVERY, SPRUNG, STIFFNESS,
-    TWIST,
+    CONVEX, ELASTIC, FORCE_CHECK, HALF_SPACE, HELD, LOADED, MOUNT, OVERLAP, PLAIN, RECOVERY,
+    SPRUNG, STIFFNESS, TWIST,
 };
 use crate::error::{Fault, Result};
 use crate::image::ColumnSource;
@@ -302,6 +302,11 @@ fn solver(source: &ColumnSource) -> Result<Solver> {
         tolerance: tolerance.first().copied(),
         norm: source.choice("solver/norm", &Norm::ALL, Norm::name)?,
         convergence_check_interval: source.number("solver/check_every")?,
+        force_check_interval: if source.has(FORCE_CHECK) {
+            source.number(FORCE_CHECK)?
+        } else {
+            Solver::default().force_check_interval
+        },
         relaxation: source.real("solver/relaxation")?,
         warm_start_factor: source.real("solver/warm_start")?,
         acceleration: if source.has(PLAIN) { Acceleration::None } else { Acceleration::Nncg },

@@ -83,15 +83,9 @@ fn introduction(source: &ReportSource, page: &mut HtmlPage) {
         |value: f64| format!("{} %", figure(100.0 * value / summary.settings().grain_size, 2));
     let largest = format!("maximum {}; targets 0.1 %, 5 %", percent(summary.max_penetration.max()));
     cards.push(["mean penetration / d".into(), percent(summary.mean_penetration.mean()), largest]);
-    cards.push([
-        "steps not converged".into(),
-        summary.not_converged().map_or("-".into(), |n| format!("{n} of {}", summary.steps)),
-        source
-            .model
-            .solver
-            .tolerance
-            .map_or(summary_text::NO_TOLERANCE.into(), |t| format!("tolerance {t:e}")),
-    ]);
+    let error = summary.force_error().map_or("-".into(), |e| format!("{:.2} %", 100.0 * e));
+    let method = "difference of two solutions of the same steps; target 1 %".into();
+    cards.push(["error of tool and sleeper forces".into(), error, method]);
     page.cards(&cards);
 }
 

@@ -70,6 +70,9 @@ quantities! {
     TotalImpulse: "total_impulse", "", "impulse of all contacts", "N s", "", "Sum of the impulses of the previous step on all pairs.";
     OpenImpulseShare: "", "solver.open_impulse_share", "impulse on contacts that end open", "1", "", "Share of the impulses of a run on pairs that are open where their step ended (T-40).";
     LimitedRotations: "limited_rotations", "solver.limited_rotations", "grains that turned too far in a step", "", "", "Number of touching grains, over the steps in summaries, whose energy was limited because they turned too far in a step (T-41).";
+    ForceDifference: "force_difference", "", "difference of impulses", "N s", "SolverResult.force_difference", "Sum of the differences of the impulses on tines and sleepers between two solutions of the step; 0 where it was not checked (T-43).";
+    ForceCompared: "force_compared", "", "compared impulses", "N s", "SolverResult.force_compared", "Sum of the magnitudes of the impulses on tines and sleepers of a checked step; 0 where it was not checked (T-43).";
+    ForceError: "", "solver.force_error", "error of forces on tools and sleepers", "1", "SolverResult.force_error", "Relative difference of the forces on tines and sleepers between two solutions of the checked steps (T-43).";
     MeanPenetration: "mean_penetration", "relative_penetration.mean", "penetration", "m", "SolverResult.mean_penetration", "Mean depth of the penetrating contact points at the midpoint configuration (T-26); in summaries over the mean grain size.";
     MaxPenetration: "max_penetration", "relative_penetration.max", "penetration", "m", "SolverResult.max_penetration", "Depth of the deepest contact point (T-26); in summaries over the mean grain size.";
     GrainSize: "", "relative_penetration.grain_size_m", "d", "m", "", "Mean grain size that penetrations are compared with.";

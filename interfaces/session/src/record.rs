@@ -49,6 +49,8 @@ columns! {
         OpenImpulse: |s| s.report.open_impulse;
         TotalImpulse: |s| s.report.total_impulse;
         LimitedRotations: |s| s.report.limited_rotations as f64;
+        ForceDifference: |s| s.report.force_check.difference;
+        ForceCompared: |s| s.report.force_check.total;
         MeanPenetration: |s| s.report.mean_penetration;
         MaxPenetration: |s| s.report.max_penetration;
         Coordination: |s| s.coordination.mean_neighbours[0];
@@ -184,7 +186,7 @@ mod tests {
     use super::*;
     use ballast::math::Vec3;
     use ballast::state::EnergyLedger;
-    use ballast::step::{Reaction, Residuals};
+    use ballast::step::{ForceCheck, Reaction, Residuals};
 
     /// Step in which all figures differ.
     fn step() -> (State, StepReport, Coordination) {
@@ -223,6 +225,7 @@ mod tests {
             open_impulse: 0.5,
             total_impulse: 2.0,
             limited_rotations: 7,
+            force_check: ForceCheck { difference: 0.25, total: 5.0 },
             mean_penetration: 1e-6,
             max_penetration: 1e-5,
             reactions: vec![
@@ -267,6 +270,8 @@ mod tests {
             ("open_impulse", "N s", 0.5),
             ("total_impulse", "N s", 2.0),
             ("limited_rotations", "", 7.0),
+            ("force_difference", "N s", 0.25),
+            ("force_compared", "N s", 5.0),
             ("mean_penetration", "m", 1e-6),
             ("max_penetration", "m", 1e-5),
             ("coordination", "", 5.5),

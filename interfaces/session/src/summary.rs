@@ -66,6 +66,8 @@ pub struct RunSummary {
     pub iterations: Statistics,
     /// Impulses on pairs that end open, and on all pairs, N s.
     pub open_and_total_impulse: [f64; 2],
+    /// Sums of the differences and of the magnitudes of the impulses of checked steps, N s.
+    pub force_difference_and_compared: [f64; 2],
     /// Touching grains whose energy was limited, over the steps.
     pub limited_rotations: u64,
     /// Largest of LMGC90's norms.
@@ -215,6 +217,12 @@ impl RunSummary {
         (total > 0.0).then(|| open / total)
     }
 
+    /// Returns the relative difference of forces between two solutions of the checked steps; `None` without any.
+    pub fn force_error(&self) -> Option<f64> {
+        let [difference, compared] = self.force_difference_and_compared;
+        (compared > 0.0).then(|| difference / compared)
+    }
+
     /// Adds a row of the table `steps`.
     pub fn take_step(&mut self, row: &StepRow) {
         self.steps += 1;
@@ -224,6 +232,8 @@ impl RunSummary {
         self.visits += row.get(Column::Visits);
         self.open_and_total_impulse[0] += row.get(Column::OpenImpulse);
         self.open_and_total_impulse[1] += row.get(Column::TotalImpulse);
+        self.force_difference_and_compared[0] += row.get(Column::ForceDifference);
+        self.force_difference_and_compared[1] += row.get(Column::ForceCompared);
         self.limited_rotations += row.get(Column::LimitedRotations) as u64;
         self.residual.take(row.qm16());
         for (statistics, column) in [
@@ -382,6 +392,7 @@ impl RunSummary {
                 (Q::SyncFallback.key()): self.sync_fallback,
                 (Q::StepsResolved.key()): self.resolved,
                 (Q::OpenImpulseShare.key()): self.open_impulse_share(),
+                (Q::ForceError.key()): self.force_error(),
                 (Q::LimitedRotations.key()): self.limited_rotations,
             },
         })

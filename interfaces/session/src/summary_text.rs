@@ -139,6 +139,9 @@ fn quality(summary: &RunSummary) -> TextTable {
         percent(summary.mean_penetration.mean()),
         percent(summary.max_penetration.max()),
     ]);
+    if let Some(error) = summary.force_error() {
+        table.row([Q::ForceError.label(), &format!("{:.2} %", 100.0 * error), ""]);
+    }
     for (quantity, statistics) in [
         (Q::ResidualQm16, summary.residual),
         (Q::ResidualNaturalMap, summary.natural_map),

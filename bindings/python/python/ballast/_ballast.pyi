@@ -886,6 +886,21 @@ class SolverResult:
     def max_penetration(self) -> float:
         """Largest penetration of all steps, m."""
 
+    @property
+    def force_difference(self) -> float:
+        """Differences of the impulses on tines and sleepers between two solutions of the checked steps, N s."""
+
+    @property
+    def force_compared(self) -> float:
+        """Magnitudes of these impulses, N s; 0 where no step of the window was checked."""
+
+    @property
+    def force_error(self) -> float | None:
+        """Relative difference of the forces on tines and sleepers between two solutions of the checked steps.
+
+        A checked step is solved from the impulses of the last step and from zero. None where no step was checked.
+        """
+
 @final
 class EnergyLedger:
     """Energies of the grains since the start of the run, J."""

@@ -220,7 +220,14 @@ message_class!(PySolverResult("SolverResult"):
     #[doc = stub!("SolverResult.mean_penetration")]
     mean_penetration: f64 = |m, _| m.mean_penetration,
     #[doc = stub!("SolverResult.max_penetration")]
-    max_penetration: f64 = |m, _| m.max_penetration,;
+    max_penetration: f64 = |m, _| m.max_penetration,
+    #[doc = stub!("SolverResult.force_difference")]
+    force_difference: f64 = |m, _| m.force_difference,
+    #[doc = stub!("SolverResult.force_compared")]
+    force_compared: f64 = |m, _| m.force_compared,
+    #[doc = stub!("SolverResult.force_error")]
+    force_error: Option<f64> =
+        |m, _| (m.force_compared > 0.0).then(|| m.force_difference / m.force_compared),;
 
     fn __repr__(&self) -> String {
         let SolverStats { iterations, steps_not_converged, residual_qm16, max_penetration, .. } = self.0;

@@ -136,6 +136,10 @@ message!(
         mean_penetration: f64,
         /// Largest penetration of all steps, m.
         max_penetration: f64,
+        /// Differences of the impulses on tines and sleepers between two solutions of the checked steps, N s.
+        force_difference: f64,
+        /// Magnitudes of these impulses, N s; 0: no step of the window was checked.
+        force_compared: f64,
     }
 );
 

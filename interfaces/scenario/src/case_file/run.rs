@@ -87,6 +87,10 @@ pub struct SolverSection {
     /// Acceleration of the iterations to a tolerance. The asynchronous schedule has none.
     #[serde(with = "AccelerationName")]
     pub acceleration: model::Acceleration,
+    /// Steps from one force check to the next; 0: none. A check solves the step again from zero impulses, without effect on
+    /// the run, and compares the forces on tines and sleepers (T-43).
+    #[schemars(with = "u32")]
+    pub force_check_interval: u32,
     /// Correction of penetrations, on positions only. Absent: penetrations are left as they are, as in most studies.
     pub penetration_correction: Option<PenetrationCorrectionSection>,
 }
@@ -107,6 +111,7 @@ impl Default for SolverSection {
             relaxation: core.relaxation,
             warm_start_factor: core.warm_start_factor,
             acceleration: core.acceleration,
+            force_check_interval: core.force_check_interval,
             penetration_correction: core
                 .penetration_correction
                 .map(PenetrationCorrectionSection::from),

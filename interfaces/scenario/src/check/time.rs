@@ -190,6 +190,7 @@ fn solver(solver: &SolverSection, report: &mut DiagnosticReport) -> model::Solve
         tolerance: (solver.tolerance > 0.0).then_some(solver.tolerance),
         norm: solver.norm,
         convergence_check_interval: solver.convergence_check_interval,
+        force_check_interval: solver.force_check_interval,
         relaxation: solver.relaxation,
         warm_start_factor: solver.warm_start_factor,
         acceleration: solver.acceleration,
