@@ -10,6 +10,7 @@ mod driver;
 mod limits;
 mod load;
 mod parameters;
+mod probe;
 mod refusal;
 mod result;
 mod session;
@@ -25,6 +26,9 @@ pub use driver::{DrivenWindow, Driver, FunctionDriver};
 pub use limits::Limits;
 pub use load::{LoadKnot, LoadWaveform};
 pub use parameters::Parameters;
+pub use probe::{
+    LoadCycle, ProbePoint, PushCurve, PushProbe, StiffnessCurve, StiffnessProbe, sleepers,
+};
 pub use refusal::Refusal;
 pub use result::{BodyResult, SolverResult, WindowResult, WindowStatus, ZoneResult, measure_zones};
 pub use session::Session;

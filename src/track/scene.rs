@@ -49,7 +49,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
 }
 
 /// Puts driven body `d`, which stands still, on a mount: behind the other mounted ones.
-fn release(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
+pub(crate) fn release(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
     let (first, ng) = (model.mounted_count(), model.grains.len());
     model.driven[d].mount = Some(mount);
     model.driven[first..=d].rotate_right(1);

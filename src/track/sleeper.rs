@@ -48,7 +48,7 @@ pub fn sleeper(
 }
 
 /// Density of reinforced concrete, kg/m³.
-const CONCRETE: f64 = 2400.0;
+pub(crate) const CONCRETE: f64 = 2400.0;
 
 /// Mount of a sleeper whose blocks have one density, that of concrete if its mass (kg) is not given.
 ///

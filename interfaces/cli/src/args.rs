@@ -2,6 +2,7 @@
 
 pub use ballast_benches::args::{BedCacheArgs, OverrideArgs, thread_count};
 
+use ballast::component::{PushProbe, StiffnessProbe};
 use ballast::nlgs::solution::Method;
 use ballast::track::TampingPhase;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
@@ -73,6 +74,11 @@ pub enum Command {
     Inspect(InspectArgs),
     /// Write an HTML report of a run: pictures, compactness, forces, energy, quality, settings
     Report(ReportArgs),
+    /// Measure support stiffness or lateral resistance of a sleeper on its bed
+    Probe {
+        #[command(subcommand)]
+        command: ProbeCommand,
+    },
     /// Validate the program against exact laws, published experiments and convergence
     Validate(ValidateArgs),
     /// Export a results file as CSV tables and VTK shapes
@@ -315,6 +321,58 @@ pub struct ValidateArgs {
     pub samples: Option<PathBuf>,
     #[command(flatten)]
     pub beds: BedCacheArgs,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ProbeCommand {
+    /// Load a sleeper vertically and measure settlement and secant stiffness
+    Stiffness(StiffnessArgs),
+    /// Push a sleeper across the track and measure the force against it
+    Push(PushArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct ProbeArgs {
+    /// Checkpoint, folder of a run, or case file, whose prepared bed is probed
+    pub from: PathBuf,
+    /// Name of the sleeper (default: the first)
+    #[arg(long, value_name = "NAME")]
+    pub sleeper: Option<String>,
+    /// CSV file to which the curve is written
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub beds: BedCacheArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct StiffnessArgs {
+    #[command(flatten)]
+    pub probe: ProbeArgs,
+    /// Largest load without the sleeper's weight, N
+    #[arg(long, value_name = "N", default_value_t = StiffnessProbe::default().max_load)]
+    pub max_load: f64,
+    /// Load to which the sleeper is unloaded, N
+    #[arg(long, value_name = "N", default_value_t = StiffnessProbe::default().min_load)]
+    pub min_load: f64,
+    /// Number of load cycles
+    #[arg(long, value_name = "N", default_value_t = StiffnessProbe::default().cycles)]
+    pub cycles: u32,
+    /// Duration of each ramp of the load, s
+    #[arg(long, value_name = "S", default_value_t = StiffnessProbe::default().ramp)]
+    pub ramp: f64,
+}
+
+#[derive(Debug, Args)]
+pub struct PushArgs {
+    #[command(flatten)]
+    pub probe: ProbeArgs,
+    /// Largest displacement, m
+    #[arg(long, value_name = "M", default_value_t = PushProbe::default().displacement)]
+    pub displacement: f64,
+    /// Speed, m/s
+    #[arg(long, value_name = "M_PER_S", default_value_t = PushProbe::default().speed)]
+    pub speed: f64,
 }
 
 #[derive(Debug, Args)]

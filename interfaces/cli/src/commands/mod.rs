@@ -7,6 +7,7 @@ mod expected_file;
 pub mod export;
 pub mod inspect;
 pub mod prepare;
+pub mod probe;
 pub mod replay;
 pub mod report;
 pub mod resume;
