@@ -7,6 +7,7 @@ mod drivers;
 mod halving;
 mod modes;
 mod parameters;
+mod probes;
 mod readme;
 mod refusals;
 mod stops;

@@ -18,6 +18,7 @@ mod info;
 mod inputs;
 mod local;
 mod lock;
+mod probe;
 mod recording;
 mod remote;
 mod result;

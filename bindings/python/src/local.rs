@@ -217,6 +217,26 @@ impl LocalBackend {
         let _ = self.component.recover(Arc::clone(before));
     }
 
+    /// Runs a probe on model and state, which stay as they are.
+    pub fn probe<T: Send>(
+        &self,
+        py: Python<'_>,
+        run: impl FnOnce(&Model, &state::State, &mut ProbeObserver<'_, '_>) -> Result<T, Refusal> + Send,
+    ) -> PyResult<T> {
+        self.check_usable(py)?;
+        self.context.threads.check_available(py)?;
+        let control = TaskControl::new(self.calls.cancel.clone());
+        let (model, state) = (self.component.model(), self.component.state());
+        let (probed, raised) = run_controlled(py, &self.context.threads, &control, |control| {
+            run(model, state, &mut ProbeObserver(control))
+        })?;
+        match (probed, raised) {
+            (Ok(probed), None) => Ok(probed),
+            (_, Some(raised)) => Err(raised),
+            (Err(refusal), None) => Err(errors::refusal(py, refusal)),
+        }
+    }
+
     pub fn fork(&self, py: Python<'_>) -> PyResult<Self> {
         self.check_usable(py)?;
         let component = self.component.fork();
@@ -425,6 +445,15 @@ impl StepObserver for WindowObserver<'_, '_> {
             return ControlFlow::Break(StopReason::Early);
         }
         ControlFlow::Continue(())
+    }
+}
+
+/// Cancels a probe on request.
+pub struct ProbeObserver<'a, 't>(&'a TaskControl<'t>);
+
+impl StepObserver for ProbeObserver<'_, '_> {
+    fn cancelled(&mut self) -> Option<StopReason> {
+        self.0.is_cancelled_within_step().then_some(StopReason::Cancel)
     }
 }
 

@@ -10,9 +10,11 @@ use crate::info::SimulationInfo;
 use crate::inputs;
 use crate::local::{LocalBackend, SharedContext};
 use crate::lock::{lock, lock_detached, try_lock};
+use crate::probe;
 use crate::remote::RemoteBackend;
 use crate::result::{self, PyWindowResult};
 use crate::state::PyState;
+use ballast::component::{PushProbe, StiffnessProbe};
 use ballast::math::Pose;
 use ballast::track::TinePath;
 use ballast_protocol::lockstep::ParameterUpdate;
@@ -248,6 +250,45 @@ impl PySimulation {
         };
         parameters.check().map_err(|fault| errors::fault(py, &fault))?;
         self.with(py, |backend| backend.set_parameters(py, &parameters))
+    }
+
+    #[doc = stub!("Simulation.probe_stiffness")]
+    #[pyo3(signature = (sleeper=None, *, max_load=20e3, min_load=1e3, cycles=2, ramp=0.2))]
+    fn probe_stiffness<'py>(
+        &self,
+        py: Python<'py>,
+        sleeper: Option<&str>,
+        max_load: f64,
+        min_load: f64,
+        cycles: u32,
+        ramp: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let settings = StiffnessProbe { max_load, min_load, cycles, ramp };
+        self.with_local(py, "probe_stiffness", |local| {
+            let body = probe::find_sleeper(py, local.component().model(), sleeper)?;
+            let curve = local
+                .probe(py, |model, state, observer| settings.run(model, state, body, observer))?;
+            probe::stiffness(py, &curve)
+        })
+    }
+
+    #[doc = stub!("Simulation.probe_push")]
+    #[pyo3(signature = (sleeper=None, *, displacement=5e-3, speed=0.01, seating=0.2))]
+    fn probe_push<'py>(
+        &self,
+        py: Python<'py>,
+        sleeper: Option<&str>,
+        displacement: f64,
+        speed: f64,
+        seating: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let settings = PushProbe { displacement, speed, seating };
+        self.with_local(py, "probe_push", |local| {
+            let body = probe::find_sleeper(py, local.component().model(), sleeper)?;
+            let curve = local
+                .probe(py, |model, state, observer| settings.run(model, state, body, observer))?;
+            probe::push(py, &curve)
+        })
     }
 
     #[doc = stub!("Simulation.fork")]

@@ -1067,3 +1067,19 @@ def lowered_back(sim: ballast.Simulation) -> dict[str, ballast.Motion]:
     """Returns motions that hold the tines at their start."""
     times = [0, 5 * sim.step_ns]
     return {t.name: ballast.Motion(times, [t.start, t.start]) for t in sim.tines}
+
+
+def test_a_sleeper_is_probed_and_the_simulation_stays_as_it_is(sim: ballast.Simulation) -> None:
+    advance(sim)
+    before = sim.save().hash
+    support = sim.probe_stiffness(max_load=300.0, min_load=50.0, cycles=1, ramp=0.02)
+    assert support["load"].max() == pytest.approx(300.0)
+    assert len(support["cycles"]) == 1 and support["cycles"][0]["settlement"] >= support["cycles"][0]["rest"]
+    push = sim.probe_push("sleeper_1", displacement=3e-4, speed=0.02, seating=0.02)
+    assert push["displacement"][-1] == pytest.approx(3e-4, rel=0.1)
+    assert push["force"].max() > 0 and push["weight"] > 0 and push["force_at_2_mm"] is None
+    assert sim.save().hash == before
+    with pytest.raises(ballast.RequestError, match="sleeper_1"):
+        sim.probe_push("bench")
+    with pytest.raises(ballast.RequestError, match="largest load"):
+        sim.probe_stiffness(max_load=-1.0)

@@ -335,6 +335,49 @@ class Simulation:
             RequestError: the state belongs to another case, or a recording is open.
         """
 
+    def probe_stiffness(
+        self,
+        sleeper: str | None = None,
+        *,
+        max_load: float = 20e3,
+        min_load: float = 1e3,
+        cycles: int = 2,
+        ramp: float = 0.2,
+    ) -> dict[str, Any]:
+        """Loads a sleeper vertically and returns load over settlement; the simulation stays as it is.
+
+        The sleeper is seated under its weight, loaded to `max_load` (N) in `ramp` (s), unloaded to `min_load`, and so on;
+        its other degrees of freedom are held. Without a name it is the first sleeper.
+
+        Returns:
+            `time` (s), `load` (N, without the weight) and `settlement` (m) as arrays, and `cycles`: for each the secant
+            stiffness of `loading` and `unloading` (N/m), the `settlement` at the largest load and the `rest` (m).
+
+        Raises:
+            RequestError: settings out of range, or an unknown sleeper.
+        """
+
+    def probe_push(
+        self,
+        sleeper: str | None = None,
+        *,
+        displacement: float = 5e-3,
+        speed: float = 0.01,
+        seating: float = 0.2,
+    ) -> dict[str, Any]:
+        """Pushes a sleeper towards +y and returns force over displacement; the simulation stays as it is.
+
+        The sleeper is seated under its weight for `seating` (s), then moved to `displacement` (m) with `speed` (m/s). Without a
+        name it is the first sleeper.
+
+        Returns:
+            `time` (s), `force` (N) and `displacement` (m) as arrays, `force_at_2_mm` (N; None below 2 mm) and the `weight` of the
+            sleeper (N).
+
+        Raises:
+            RequestError: settings out of range, or an unknown sleeper.
+        """
+
     def set_parameters(
         self,
         *,

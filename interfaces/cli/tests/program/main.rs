@@ -6,6 +6,7 @@ mod endings;
 mod keeping;
 #[cfg(feature = "zenoh")]
 mod one_hash;
+mod probes;
 mod recordings;
 #[cfg(feature = "zenoh")]
 mod redone;
