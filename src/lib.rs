@@ -35,6 +35,8 @@ mod ddm;
 
 mod integrate;
 
+mod force_check;
+
 pub mod workspace;
 
 mod contact_recheck;

@@ -10,11 +10,12 @@ use crate::ddm::{self, SolveOutcome};
 use crate::detection::{match_contacts, open_impulse, store_contacts};
 use crate::drive::StepInputs;
 use crate::error::{Cause, Error, Result};
+pub use crate::force_check::ForceCheck;
 pub use crate::integrate::Reaction;
 use crate::integrate::{self, ContactBalance, StepMotion};
 use crate::local_problem::VelocitySolution;
 use crate::math::Vec3;
-use crate::model::{Model, PenetrationCorrection, Role, Schedule, Solver};
+use crate::model::{Model, PenetrationCorrection, Schedule, Solver};
 pub use crate::nlgs::Residuals;
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{CorrectionBuffers, Workspace};
@@ -460,33 +461,6 @@ pub struct StepReport {
     pub force_check: ForceCheck,
     /// Reaction of the ballast on each driven body `[nd]`.
     pub reactions: Vec<Reaction>,
-}
-
-/// Comparison of the impulses on tines and sleepers between two solutions of one step: one from the impulses of the last
-/// step, one from zero (T-43).
-///
-/// Where impulses are not unique, or iterations end before they are found, the two differ.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ForceCheck {
-    /// Sum of the magnitudes of the differences, N s.
-    pub difference: f64,
-    /// Sum of the magnitudes of the impulses, N s.
-    pub total: f64,
-}
-
-impl ForceCheck {
-    /// Compares the reactions of two solutions of a step.
-    pub(crate) fn new(model: &Model, solved: &StepReport, from_zero: &StepReport) -> Self {
-        let mut check = Self::default();
-        let both = solved.reactions.iter().zip(&from_zero.reactions);
-        for (body, (a, b)) in model.driven.iter().zip(both) {
-            if body.role != Role::Boundary {
-                check.difference += (a.impulse - b.impulse).norm();
-                check.total += a.impulse.norm();
-            }
-        }
-        check
-    }
 }
 
 impl StepReport {

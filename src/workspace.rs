@@ -19,7 +19,7 @@ pub struct Workspace {
     /// Impulse on the candidate of each contact, world axes, N s `[nc]`: the initial guess during the step, the
     /// solution after it.
     pub impulse: Vec<Vec3>,
-    /// What the contacts have kept from the last step.
+    /// Impulses and overlaps of the contacts in the last step.
     pub(crate) history: ContactHistory,
     /// Overlap of each contact's spring at the end of the step, m `[nc]`; zero where it is rigid.
     pub(crate) overlap: Vec<f64>,

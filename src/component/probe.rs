@@ -268,7 +268,7 @@ impl TestBench {
             None => release(&mut model, &mut state, sleeper, free),
         }
         let sleeper = model.driven_index(&name).unwrap_or(sleeper);
-        // The probe has a time of its own, and nothing moves at its start.
+        // The time of the probe begins at 0, and nothing moves then.
         (state.step, state.time_ns) = (0, 0);
         (state.window, state.driver) = (Arc::default(), Arc::default());
         for b in model.grains.len()..model.body_count() {

@@ -389,7 +389,9 @@ impl Component {
         let from_zero = advance(&self.model, &self.state, &mut again, &inputs, workspace, observer);
         self.state_pool.keep(Arc::new(again));
         match from_zero {
-            Ok(from_zero) => Ok(ForceCheck::new(&self.model, report, &from_zero)),
+            Ok(from_zero) => {
+                Ok(ForceCheck::new(&self.model, &report.reactions, &from_zero.reactions))
+            }
             Err(Error::Stopped(reason)) => Err(Error::Stopped(reason)),
             // The step itself has been solved.
             Err(_) => Ok(ForceCheck::default()),

@@ -1,6 +1,6 @@
 //! Contact points of one configuration.
 
-use super::matching::ContactHistory;
+use super::history::ContactHistory;
 use crate::math::Vec3;
 use crate::motion::Motion;
 use std::ops::Range;

@@ -4,6 +4,7 @@
 //! Contract: each old contact is used at most once; independent of threads.
 
 use super::contacts::Contacts;
+use super::history::ContactHistory;
 use crate::math::Vec3;
 use crate::model::Model;
 use crate::motion::Motion;
@@ -17,42 +18,12 @@ const TOLERANCE: f64 = 0.2;
 /// Maximum gap of a closed contact, over the candidate's radius.
 const MAX_CLOSED_GAP: f64 = 1e-3;
 
-/// Speed with which springs take up overlap that the last step did not foresee, m/s (T-42).
-///
-/// A rotation, or another point of the same two bodies, may reveal an overlap at once. Its spring would throw the bodies
-/// apart with energy that nobody has spent.
-const RECOVERY_SPEED: f64 = 0.05;
-
-/// What the contacts of a step have kept from the last one.
-#[derive(Debug, Clone, Default)]
-pub struct ContactHistory {
-    /// Impulse on the candidate in the last step, world axes, N s `[nc]`; zero for a new contact.
-    pub impulse: Vec<Vec3>,
-    /// Largest overlap of the springs of the same two bodies where the last step ended, m `[nc]`; zero for a new pair.
-    ///
-    /// Points of a pair come and go: those that come share the overlap that the pair has had.
-    pub overlap: Vec<f64>,
-}
-
-impl ContactHistory {
-    /// Returns the gap that the spring of contact `i` starts a step of `h` seconds with, m, where its bodies have `gap`.
-    pub fn spring_gap(&self, i: usize, gap: f64, h: f64) -> f64 {
-        gap.max(-self.overlap[i] - RECOVERY_SPEED * h)
-    }
-
-    /// Inserts a new contact at place `i`.
-    pub(super) fn insert(&mut self, i: usize) {
-        self.impulse.insert(i, Vec3::zeros());
-        self.overlap.insert(i, 0.0);
-    }
-}
-
 /// Contact of the last step that is the same as one of this step.
 #[derive(Debug, Clone, Copy)]
 struct ContactMatch {
     /// Number in the memory, or [`ContactMatch::NONE`].
     contact: u32,
-    /// Largest overlap of the pair in the memory, m.
+    /// Overlap in the memory, or the largest of the pair where there is no such contact, m.
     overlap: f64,
 }
 
@@ -61,9 +32,9 @@ impl ContactMatch {
     const NONE: u32 = u32::MAX;
 }
 
-/// Fills `history` with the impulse of each contact `[nc]` in the last step, and the overlap of its pair (T-20).
+/// Fills `history` with impulse and overlap of each contact `[nc]` in the last step (T-20).
 ///
-/// The impulse is that of the same contact in `memory`, or zero without one. In a pair of bodies, contacts with equal
+/// They are those of the same contact in `memory`, or zero without one. In a pair of bodies, contacts with equal
 /// features are the same. Of the others, the nearest points in the candidate's frame are matched first, up to a fifth of
 /// its radius.
 pub fn match_contacts(
@@ -158,6 +129,11 @@ impl ContactMatching<'_> {
         }
     }
 
+    /// Match with contact `o` of the memory.
+    fn found(&self, o: usize) -> ContactMatch {
+        ContactMatch { contact: o as u32, overlap: self.memory.overlap[o] }
+    }
+
     fn pair(
         &self,
         new: std::ops::Range<usize>,
@@ -174,7 +150,7 @@ impl ContactMatching<'_> {
             let same = |o: &usize| self.memory.feature[*o] == self.contacts.feature[n];
             let unused = old.clone().filter(|o| !old_used[o - old.start]);
             if let Some(o) = unused.into_iter().find(same) {
-                matches[n - new.start].contact = o as u32;
+                matches[n - new.start] = self.found(o);
                 old_used[o - old.start] = true;
                 new_used[n - new.start] = true;
             }
@@ -199,7 +175,7 @@ impl ContactMatching<'_> {
                 }
             }
             let Some((n, o)) = best.1 else { return };
-            matches[n - new.start].contact = o as u32;
+            matches[n - new.start] = self.found(o);
             old_used[o - old.start] = true;
             new_used[n - new.start] = true;
         }

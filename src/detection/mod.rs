@@ -8,6 +8,7 @@ mod contacts;
 mod covered;
 mod detector;
 mod grid;
+mod history;
 mod matching;
 mod narrow_phase;
 mod range;
@@ -15,5 +16,6 @@ mod travel;
 
 pub use contacts::Contacts;
 pub use detector::Detector;
-pub use matching::{ContactHistory, match_contacts, open_impulse, store_contacts};
+pub use history::ContactHistory;
+pub use matching::{match_contacts, open_impulse, store_contacts};
 pub use range::{DetectionRange, max_point_speed};

@@ -122,6 +122,7 @@ impl AssembledProblem {
         let nc = problem.contacts.len();
         let mut free = MatrixFreeSolver::new(problem);
         free.lines.clone_from(&problem.lines);
+        free.impulse.fill(Vec3::zeros());
         let mut touching: Vec<Vec<u32>> = vec![Vec::new(); problem.body_count()];
         for i in 0..nc {
             for (grain, ..) in free.sides(i) {
@@ -149,6 +150,9 @@ impl AssembledProblem {
                     }
                 }
             }
+            let [normal, tangential] = contact.compliance.map(f64::from);
+            let springs = Vec3::new(normal, tangential, tangential);
+            row.push((i as u32, Mat3::from_diagonal(&springs)));
             row.sort_by_key(|&(j, _)| j);
             for (j, block) in row {
                 let start = assembled.row_starts[i];

@@ -26,7 +26,7 @@ fn sleeper_on_slab(gap: f64) -> (Scene, usize) {
     let at = Pose::at(Vec3::new(0.0, 0.0, 0.04 + gap));
     let sleeper = scene.driven("sleeper", part, at, FRICTION);
     scene.model.driven[sleeper].role = Role::Sleeper;
-    let springs = ContactStiffness { normal: STIFFNESS, tangential_ratio: 1.0, damping_time: 2e-3 };
+    let springs = ContactStiffness { normal: STIFFNESS, tangential_ratio: 1.0, damping_time: 5e-4 };
     scene.model.driven.iter_mut().for_each(|body| body.stiffness = springs);
     (scene, sleeper)
 }
@@ -34,7 +34,7 @@ fn sleeper_on_slab(gap: f64) -> (Scene, usize) {
 #[test]
 fn support_stiffness_is_that_of_springs_in_series() {
     let (scene, sleeper) = sleeper_on_slab(0.0);
-    let probe = StiffnessProbe { max_load: 2000.0, min_load: 200.0, cycles: 2, ramp: 0.2 };
+    let probe = StiffnessProbe { max_load: 2000.0, min_load: 200.0, cycles: 2, ramp: 0.4 };
     let curve = probe.run(&scene.model, &scene.state, sleeper, &mut ()).expect("a curve");
     let expected = 2.0 * STIFFNESS;
     assert_eq!(curve.cycles.len(), 2);

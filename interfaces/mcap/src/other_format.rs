@@ -15,7 +15,7 @@ pub(crate) fn compression(start: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// Describes a message that is compressed by itself, and its conversion; `None` for other messages.
+/// Describes a compressed message, and its conversion; `None` for other messages.
 pub(crate) fn describe_message(data: &[u8]) -> Option<String> {
     let name = compression(data)?;
     Some(format!(

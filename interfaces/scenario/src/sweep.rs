@@ -300,7 +300,7 @@ mod tests {
             ("case = 'a'\n[grid]\na = [{ b = 1 }]\n'a.b' = [2]", "grid: expected each key once"),
             ("case = 'a'\n[grid]\na.b = 1", "grid.\"a.b\": expected a list of values"),
             ("case = 'a'\n[[points]]\na.b = {}", "points[0]: expected keys with values"),
-            ("case = 'a", "plan: "),
+            ("case = 'a", "not TOML"),
         ] {
             let error = SweepPlan::parse(text, "plan").unwrap_err();
             assert!(error.contains(expected), "{text:?}: {error}");
@@ -316,7 +316,7 @@ mod tests {
         for (text, problem, expected) in [
             ("case = “a.toml”".into(), "quotation marks", "\"a.toml\""),
             (grid("[0.1 s]"), "value with a unit", "the number alone"),
-            (grid("[0,3, 0,2]"), "decimal comma", "[0.3, 0.2]"),
+            (grid("[0,3; 0,2]"), "decimal comma", "[0.3, 0.2]"),
             (grid("[1;2]"), "semicolon", "commas between entries"),
             ("case\u{a0}= 'a'".into(), "no-break space", ""),
         ] {

@@ -166,7 +166,7 @@ mod tests {
         );
         let traffic = set.traffic();
         let blocks = traffic.footprint as f64 - 64.0 * set.lines.len() as f64;
-        assert!((144.0..=160.0).contains(&(blocks / lanes)), "{traffic:?}");
+        assert!((152.0..=176.0).contains(&(blocks / lanes)), "{traffic:?}");
         assert!(
             traffic.streamed > traffic.footprint && traffic.core > traffic.footprint,
             "{traffic:?}"

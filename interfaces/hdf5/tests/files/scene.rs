@@ -102,6 +102,7 @@ pub fn state(model: &Model) -> State {
         memory.bodies.push([c, a]);
         memory.local_point.push(Vec3::new(0.01, -0.02, 1.0 / 3.0));
         memory.impulse.push(Vec3::new(-0.0, 1e-9, 2.0 / 7.0));
+        memory.overlap.push(1e-6 / 3.0);
     }
     let twist = Twist { velocity: Vec3::new(0.5, -0.0, 0.1), angular_velocity: Vec3::zeros() };
     let bodies = model.driven.len();
@@ -115,6 +116,7 @@ pub fn state(model: &Model) -> State {
     state.driver = Arc::new(DriverState { kind: "test".into(), version: 7, values });
     state.energy.work_in = 0.1 + 0.7;
     state.energy.dissipated = 3.3;
+    (state.energy.initial_elastic, state.energy.elastic) = (0.1 + 0.2, 1e-310);
     state
 }
 

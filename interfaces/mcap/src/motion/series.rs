@@ -4,7 +4,6 @@
 //! was, or for years.
 
 use super::coverage::{MAX_GAP_NS, gap_limit, median};
-use super::track::insert_name;
 use ballast_protocol::MessageError;
 use std::collections::BTreeSet;
 
@@ -13,7 +12,7 @@ const JUMP_RATIO: u128 = 10;
 
 /// Value with its times, ns.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Sample<T> {
+pub(super) struct TimedValue<T> {
     /// Time of the value.
     pub time_ns: u64,
     /// Time of recording.
@@ -28,7 +27,16 @@ pub(super) struct Series<T> {
     pub source: String,
     /// Frames of the values.
     pub frames: BTreeSet<String>,
-    pub samples: Vec<Sample<T>>,
+    pub samples: Vec<TimedValue<T>>,
+}
+
+/// Inserts a name; returns the additional memory in bytes.
+pub(super) fn insert_name(names: &mut BTreeSet<String>, name: &str) -> usize {
+    if names.contains(name) {
+        return 0;
+    }
+    names.insert(name.into());
+    size_of::<String>() + name.len()
 }
 
 impl<T> Default for Series<T> {
@@ -39,11 +47,11 @@ impl<T> Default for Series<T> {
 
 impl<T: Copy + PartialEq> Series<T> {
     /// Adds a value; returns the additional memory in bytes.
-    pub fn push(&mut self, source: &str, frame: &str, sample: Sample<T>) -> usize {
+    pub fn push(&mut self, source: &str, frame: &str, sample: TimedValue<T>) -> usize {
         let more = insert_name(&mut self.frames, frame);
         // Repetitions are skipped: a small file may have any number of them.
         let is_same =
-            |last: &Sample<T>| (last.time_ns, last.value) == (sample.time_ns, sample.value);
+            |last: &TimedValue<T>| (last.time_ns, last.value) == (sample.time_ns, sample.value);
         if self.samples.last().is_some_and(is_same) {
             return more;
         }
@@ -51,7 +59,7 @@ impl<T: Copy + PartialEq> Series<T> {
             self.source = source.into();
         }
         self.samples.push(sample);
-        more + size_of::<Sample<T>>()
+        more + size_of::<TimedValue<T>>()
     }
 
     /// Sorts by time, without repetitions; returns warnings about probable errors of the stamps.
@@ -118,7 +126,7 @@ impl<T: Copy + PartialEq> Series<T> {
 
     /// Returns a warning about the longest jump of the sorted stamps that the times of recording do not have.
     fn check_jumps(&self) -> Result<Option<String>, MessageError> {
-        let steps = |time: fn(&Sample<T>) -> u64| {
+        let steps = |time: fn(&TimedValue<T>) -> u64| {
             self.samples.windows(2).map(move |pair| time(&pair[1]).abs_diff(time(&pair[0])))
         };
         let usual = [median(steps(|s| s.time_ns)), median(steps(|s| s.log_ns))];

@@ -1,12 +1,11 @@
 //! Conversion of poses and twists at times to a waveform.
 
-use super::series::{Sample, Series};
+use super::series::{Series, TimedValue};
 use super::values;
 use ballast::component::{Interpolation, Knot, Waveform};
 use ballast::math::Vec3;
 use ballast_protocol::MessageError;
 use ballast_protocol::messages::{Pose, Twist};
-use std::collections::BTreeSet;
 
 /// Maximum ratio of the difference between twists and poses to the displacement. Twists of a vibration that is sampled
 /// three times a period reach 0.45, those in another unit or frame 1 and more.
@@ -36,7 +35,7 @@ impl PoseTrack {
         let (poses, twists) = (&self.poses.samples, &self.twists.samples);
         let twist_at = |time: u64| twists.binary_search_by_key(&time, |twist| twist.time_ns).ok();
         let cubic = poses.iter().all(|pose| twist_at(pose.time_ns).is_some());
-        let knot = |pose: &Sample<Pose>| {
+        let knot = |pose: &TimedValue<Pose>| {
             let twist = twist_at(pose.time_ns).filter(|_| cubic);
             let twist = twist.map(|i| twists[i].value).unwrap_or_default();
             Knot {
@@ -104,15 +103,6 @@ pub(super) fn contradiction(waveform: &Waveform) -> Option<f64> {
     (moves && missed > MAX_CONTRADICTION * distance).then(|| missed / distance)
 }
 
-/// Inserts a name; returns the additional memory in bytes.
-pub(super) fn insert_name(names: &mut BTreeSet<String>, name: &str) -> usize {
-    if names.contains(name) {
-        return 0;
-    }
-    names.insert(name.into());
-    size_of::<String>() + name.len()
-}
-
 /// Returns the waveform from `start` on, shifted so that `start` becomes `begin`.
 ///
 /// A waveform that begins earlier gets a knot at `start`, with the pose and twist of its curve there. The rest of the curve
@@ -151,8 +141,8 @@ mod tests {
                 let mut value = Twist::default();
                 value.linear.x = x;
                 let pose = Pose::default();
-                track.poses.push("/a", "", Sample { time_ns: 5, log_ns: 5, value: pose });
-                track.twists.push("/b", "", Sample { time_ns: 5, log_ns: 5, value });
+                track.poses.push("/a", "", TimedValue { time_ns: 5, log_ns: 5, value: pose });
+                track.twists.push("/b", "", TimedValue { time_ns: 5, log_ns: 5, value });
             }
             track.motion("a")
         };
