@@ -5,8 +5,8 @@ use crate::math::Vec3;
 /// Speed with which springs take up overlap that the last step did not foresee, m/s (T-42).
 ///
 /// A rotation, or another point of the same two bodies, may reveal an overlap at once. Its spring would throw the bodies
-/// apart with energy that nobody has spent.
-const RECOVERY_SPEED: f64 = 0.05;
+/// apart with energy from no source.
+const RECOVERY_SPEED: f64 = 0.01;
 
 /// Impulses and overlaps of the contacts of a step in the last one.
 #[derive(Debug, Clone, Default)]
@@ -15,7 +15,7 @@ pub struct ContactHistory {
     pub impulse: Vec<Vec3>,
     /// Overlap of the contact's spring where the last step ended, m `[nc]`.
     ///
-    /// Points of a pair come and go: one that comes has the largest overlap of the pair; one of a new pair has none.
+    /// Points of a pair come and go: those that come share the energy of those that have gone.
     pub overlap: Vec<f64>,
 }
 

@@ -23,7 +23,7 @@ const MAX_CLOSED_GAP: f64 = 1e-3;
 struct ContactMatch {
     /// Number in the memory, or [`ContactMatch::NONE`].
     contact: u32,
-    /// Overlap in the memory, or the largest of the pair where there is no such contact, m.
+    /// Overlap in the memory, or the share of one that has come, m.
     overlap: f64,
 }
 
@@ -141,8 +141,6 @@ impl ContactMatching<'_> {
         matches: &mut [ContactMatch],
         used: &mut Vec<bool>,
     ) {
-        let overlap = self.memory.overlap[old.clone()].iter().copied().fold(0.0, f64::max);
-        matches.iter_mut().for_each(|found| found.overlap = overlap);
         used.clear();
         used.resize(old.len() + new.len(), false);
         let (old_used, new_used) = used.split_at_mut(old.len());
@@ -174,10 +172,17 @@ impl ContactMatching<'_> {
                     }
                 }
             }
-            let Some((n, o)) = best.1 else { return };
+            let Some((n, o)) = best.1 else { break };
             matches[n - new.start] = self.found(o);
             old_used[o - old.start] = true;
             new_used[n - new.start] = true;
+        }
+        let gone = self.memory.overlap[old].iter().zip(&*old_used).filter(|(_, used)| !**used);
+        let squares: f64 = gone.map(|(overlap, _)| overlap * overlap).sum();
+        let come = new_used.iter().filter(|used| !**used).count();
+        let overlap = (squares / come.max(1) as f64).sqrt();
+        for (found, _) in matches.iter_mut().zip(&*new_used).filter(|(_, used)| !**used) {
+            found.overlap = overlap;
         }
     }
 }

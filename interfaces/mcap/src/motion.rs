@@ -23,7 +23,7 @@ use assignment::{Assignment, ChannelUse, list_names};
 use ballast::component::MotionInput;
 use ballast_protocol::messages::{PoseStamped, TFMessage, TransformStamped, TwistStamped, Vector3};
 use ballast_protocol::{MessageError, from_cdr, messages};
-use series::TimedValue;
+use series::StampedValue;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use track::{PoseTrack, TrackMotion};
@@ -148,7 +148,7 @@ impl PoseCollector {
                 let stamped: PoseStamped = from_cdr(&message.data)?;
                 let time_ns = at(Some(stamp_ns(stamped.header.stamp)?))?;
                 values::check_pose(["pose.position", "pose.orientation"], &stamped.pose)?;
-                let pose = TimedValue { time_ns, log_ns, value: stamped.pose };
+                let pose = StampedValue { time_ns, log_ns, value: stamped.pose };
                 more += self.track(body).poses.push(topic, &stamped.header.frame_id, pose);
             }
             ChannelUse::Twist(body) => {
@@ -156,7 +156,7 @@ impl PoseCollector {
                 let stamped: TwistStamped = from_cdr(&message.data)?;
                 let time_ns = at(Some(stamp_ns(stamped.header.stamp)?))?;
                 values::check_twist(&stamped.twist)?;
-                let twist = TimedValue { time_ns, log_ns, value: stamped.twist };
+                let twist = StampedValue { time_ns, log_ns, value: stamped.twist };
                 more += self.track(body).twists.push(topic, &stamped.header.frame_id, twist);
             }
             ChannelUse::Json(body) => {
@@ -164,11 +164,11 @@ impl PoseCollector {
                 let read = json_pose::read(&message.data)?;
                 let time_ns = at(read.stamp_ns)?;
                 values::check_pose(["position", "orientation"], &read.pose)?;
-                let pose = TimedValue { time_ns, log_ns, value: read.pose };
+                let pose = StampedValue { time_ns, log_ns, value: read.pose };
                 more += self.track(body).poses.push(topic, &read.frame, pose);
                 if let Some(value) = read.twist {
                     values::check_twist(&value)?;
-                    let twist = TimedValue { time_ns, log_ns, value };
+                    let twist = StampedValue { time_ns, log_ns, value };
                     more += self.track(body).twists.push(topic, &read.frame, twist);
                 }
             }
@@ -225,7 +225,7 @@ impl PoseCollector {
             let found = "two that differ; leave one out";
             return Err(fault(MessageError::new("pose", "one for all times", found)));
         }
-        Ok(poses.push(source, &transform.header.frame_id, TimedValue { time_ns, log_ns, value }))
+        Ok(poses.push(source, &transform.header.frame_id, StampedValue { time_ns, log_ns, value }))
     }
 
     /// Counts `more` bytes of memory, which is limited to that of a chunk.

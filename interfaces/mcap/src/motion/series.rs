@@ -12,7 +12,7 @@ const JUMP_RATIO: u128 = 10;
 
 /// Value with its times, ns.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct TimedValue<T> {
+pub(super) struct StampedValue<T> {
     /// Time of the value.
     pub time_ns: u64,
     /// Time of recording.
@@ -27,7 +27,7 @@ pub(super) struct Series<T> {
     pub source: String,
     /// Frames of the values.
     pub frames: BTreeSet<String>,
-    pub samples: Vec<TimedValue<T>>,
+    pub samples: Vec<StampedValue<T>>,
 }
 
 /// Inserts a name; returns the additional memory in bytes.
@@ -47,11 +47,11 @@ impl<T> Default for Series<T> {
 
 impl<T: Copy + PartialEq> Series<T> {
     /// Adds a value; returns the additional memory in bytes.
-    pub fn push(&mut self, source: &str, frame: &str, sample: TimedValue<T>) -> usize {
+    pub fn push(&mut self, source: &str, frame: &str, sample: StampedValue<T>) -> usize {
         let more = insert_name(&mut self.frames, frame);
         // Repetitions are skipped: a small file may have any number of them.
         let is_same =
-            |last: &TimedValue<T>| (last.time_ns, last.value) == (sample.time_ns, sample.value);
+            |last: &StampedValue<T>| (last.time_ns, last.value) == (sample.time_ns, sample.value);
         if self.samples.last().is_some_and(is_same) {
             return more;
         }
@@ -59,7 +59,7 @@ impl<T: Copy + PartialEq> Series<T> {
             self.source = source.into();
         }
         self.samples.push(sample);
-        more + size_of::<TimedValue<T>>()
+        more + size_of::<StampedValue<T>>()
     }
 
     /// Sorts by time, without repetitions; returns warnings about probable errors of the stamps.
@@ -126,7 +126,7 @@ impl<T: Copy + PartialEq> Series<T> {
 
     /// Returns a warning about the longest jump of the sorted stamps that the times of recording do not have.
     fn check_jumps(&self) -> Result<Option<String>, MessageError> {
-        let steps = |time: fn(&TimedValue<T>) -> u64| {
+        let steps = |time: fn(&StampedValue<T>) -> u64| {
             self.samples.windows(2).map(move |pair| time(&pair[1]).abs_diff(time(&pair[0])))
         };
         let usual = [median(steps(|s| s.time_ns)), median(steps(|s| s.log_ns))];

@@ -1,6 +1,6 @@
 //! Conversion of poses and twists at times to a waveform.
 
-use super::series::{Series, TimedValue};
+use super::series::{Series, StampedValue};
 use super::values;
 use ballast::component::{Interpolation, Knot, Waveform};
 use ballast::math::Vec3;
@@ -35,7 +35,7 @@ impl PoseTrack {
         let (poses, twists) = (&self.poses.samples, &self.twists.samples);
         let twist_at = |time: u64| twists.binary_search_by_key(&time, |twist| twist.time_ns).ok();
         let cubic = poses.iter().all(|pose| twist_at(pose.time_ns).is_some());
-        let knot = |pose: &TimedValue<Pose>| {
+        let knot = |pose: &StampedValue<Pose>| {
             let twist = twist_at(pose.time_ns).filter(|_| cubic);
             let twist = twist.map(|i| twists[i].value).unwrap_or_default();
             Knot {
@@ -141,8 +141,8 @@ mod tests {
                 let mut value = Twist::default();
                 value.linear.x = x;
                 let pose = Pose::default();
-                track.poses.push("/a", "", TimedValue { time_ns: 5, log_ns: 5, value: pose });
-                track.twists.push("/b", "", TimedValue { time_ns: 5, log_ns: 5, value });
+                track.poses.push("/a", "", StampedValue { time_ns: 5, log_ns: 5, value: pose });
+                track.twists.push("/b", "", StampedValue { time_ns: 5, log_ns: 5, value });
             }
             track.motion("a")
         };
