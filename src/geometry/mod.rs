@@ -1,4 +1,4 @@
-//! Convex polyhedra: hull, mass properties, clipping, random ballast grains.
+//! Convex polyhedra: hull, mass properties, clipping, shape descriptors, random ballast grains.
 
 pub(crate) mod plane;
 mod polyhedron;
@@ -8,8 +8,10 @@ mod faces;
 mod grain;
 mod hull;
 mod mass_properties;
+mod shape_descriptors;
 
 pub use clip::{AxisBox, Clipper, HalfSpace, half_spaces_of};
 pub use grain::{GrainShape, random_grain, random_rotation};
 pub use hull::{convex_hull, cuboid};
 pub use polyhedron::{Edge, Polyhedron};
+pub use shape_descriptors::ShapeDescriptors;

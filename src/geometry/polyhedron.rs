@@ -52,4 +52,29 @@ impl Polyhedron {
     pub fn face(&self, f: usize) -> &[u16] {
         &self.face_vertices[self.face_starts[f] as usize..self.face_starts[f + 1] as usize]
     }
+
+    /// Returns the area of the surface, m².
+    pub fn surface(&self) -> f64 {
+        let of_face = |f: usize| {
+            let face = self.face(f);
+            let corner =
+                |k: usize| self.vertices[face[k] as usize] - self.vertices[face[0] as usize];
+            let sum: Vec3 = (1..face.len() - 1).map(|k| corner(k).cross(&corner(k + 1))).sum();
+            0.5 * self.face_normals[f].dot(&sum)
+        };
+        (0..self.face_count()).map(of_face).sum()
+    }
+
+    /// Returns the polyhedron with all lengths multiplied by `factor`, which is above 0.
+    pub fn scaled(&self, factor: f64) -> Self {
+        let cube = factor * factor * factor;
+        Self {
+            vertices: self.vertices.iter().map(|v| v * factor).collect(),
+            face_offsets: self.face_offsets.iter().map(|d| d * factor).collect(),
+            volume: self.volume * cube,
+            unit_inertia: self.unit_inertia * (cube * factor * factor),
+            radius: self.radius * factor,
+            ..self.clone()
+        }
+    }
 }
