@@ -165,10 +165,11 @@ impl<'s> SchemaChecker<'_, '_, '_, 's> {
         let limit = |key: &str| resolved[key].as_f64();
         let may_be_infinite = resolved["x-infinite"].as_bool().unwrap_or(false);
         let fits = number.is_some_and(|x| {
-            (x.is_finite() || may_be_infinite && x == f64::INFINITY)
+            let is_within = x.is_finite()
                 && limit("minimum").is_none_or(|m| x >= m)
                 && limit("exclusiveMinimum").is_none_or(|m| x > m)
-                && limit("maximum").is_none_or(|m| x <= m)
+                && limit("maximum").is_none_or(|m| x <= m);
+            is_within || may_be_infinite && x == f64::INFINITY
         });
         if !fits {
             // Limits that `limits` does not show.
