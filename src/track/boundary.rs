@@ -5,24 +5,28 @@
 use crate::math::Vec3;
 use crate::model::{ContactStiffness, DrivenBody, Part, Role};
 
-/// The five boundaries of a box `[0, size.x] × [0, size.y]` above z = 0, m.
+/// Names of the floor and the walls, in the order of all their quantities.
+pub const BOUNDARY_NAMES: [&str; 5] =
+    ["floor", "wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max"];
+
+/// The five boundaries of a box `[0, size.x] × [0, size.y]` above z = 0, m, each with its friction coefficient.
 ///
 /// Seen along +x, the way the machine travels, y = 0 is the right side.
-pub fn boundaries(size: &Vec3, friction: f64) -> Vec<DrivenBody> {
-    let wall = |name: &str, normal: Vec3, offset: f64| DrivenBody {
-        name: name.into(),
+pub fn boundaries(size: &Vec3, friction: [f64; 5]) -> Vec<DrivenBody> {
+    let wall = |k: usize, normal: Vec3, offset: f64| DrivenBody {
+        name: BOUNDARY_NAMES[k].into(),
         role: Role::Boundary,
-        friction,
+        friction: friction[k],
         stiffness: ContactStiffness::RIGID,
         parts: vec![Part::HalfSpace { normal, offset }],
         mount: None,
     };
     vec![
-        wall("floor", Vec3::z(), 0.0),
-        wall("wall_x_min", Vec3::x(), 0.0),
-        wall("wall_x_max", -Vec3::x(), -size.x),
-        wall("wall_y_min", Vec3::y(), 0.0),
-        wall("wall_y_max", -Vec3::y(), -size.y),
+        wall(0, Vec3::z(), 0.0),
+        wall(1, Vec3::x(), 0.0),
+        wall(2, -Vec3::x(), -size.x),
+        wall(3, Vec3::y(), 0.0),
+        wall(4, -Vec3::y(), -size.y),
     ]
 }
 
@@ -33,7 +37,7 @@ mod tests {
     #[test]
     fn the_inside_of_the_box_is_outside_of_every_wall() {
         let size = Vec3::new(0.6, 0.7, 0.45);
-        let walls = boundaries(&size, 0.8);
+        let walls = boundaries(&size, [0.8; 5]);
         assert_eq!(walls.len(), 5);
         let depth = |p: Vec3| -> Vec<f64> {
             walls

@@ -117,7 +117,7 @@ impl Site<'_> {
     /// Stage 1: the bed below the sleepers.
     fn pour_below(&mut self) -> Result<ControlFlow<()>> {
         let (plan, bed) = (self.plan, &self.plan.bed);
-        let largest = bed.grains.classes.iter().map(|c| c.size).fold(0.0, f64::max);
+        let largest = bed.grains.max_size();
         let level = if plan.sleepers.is_empty() {
             bed.preparation.fill_level
         } else {
@@ -282,7 +282,7 @@ fn pouring_h(plan: &Plan) -> f64 {
 }
 
 fn empty_box(plan: &Plan) -> Result<BedBuilder> {
-    let low = plan.bed.friction.boundary.min(plan.bed.preparation.friction);
+    let low = plan.bed.friction.boundary.map(|own| own.min(plan.bed.preparation.friction));
     let driven = boundaries(&plan.bed.size, low);
     let mut state = State::default();
     driven.iter().for_each(|_| state.push(Pose::identity()));

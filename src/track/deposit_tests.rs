@@ -1,6 +1,6 @@
 use super::*;
 use crate::drive::StepInputs;
-use crate::model::DofMode;
+use crate::model::{DofMode, Part};
 use crate::step::step;
 use crate::track::plan::{BlockPlan, SizeClass};
 use crate::track::tamping_cycle::start_position;
@@ -186,8 +186,8 @@ fn grains_that_pack_densely_fill_their_bed_all_the_same() {
     let mut plan = tiny();
     plan.bed.size = Vec3::new(0.12, 0.1, 0.3);
     plan.bed.preparation.friction = 0.0;
-    let small = SizeClass { size: 0.012, share: 0.97 };
-    plan.bed.grains.classes = vec![SizeClass { size: 0.03, share: 0.03 }, small];
+    let small = SizeClass::of_size(0.012, 0.97);
+    plan.bed.grains.classes = vec![SizeClass::of_size(0.03, 0.03), small];
     (plan.sleepers, plan.tines) = (vec![], vec![]);
     let bed = prepared(&plan);
     let builder =
@@ -224,4 +224,40 @@ fn beds_that_cannot_be_are_refused() {
     let message = refused(&|p| p.sleepers[0].centre[0] = 0.03);
     assert!(message.contains("inside the box"), "{message}");
     assert!(message.contains("from [-0.01") && !message.contains('\n'), "in one line: {message}");
+}
+
+#[test]
+fn a_frictionless_wall_carries_no_tangential_impulse() {
+    let mut plan = tiny();
+    plan.bed.friction.boundary = [0.8, 0.6, 0.2, 0.0, 0.0];
+    plan.bed.stiffness.boundary[0].normal = 1e7;
+    let box_before = empty_bed(&plan).unwrap();
+    let frictions = |model: &Model| model.driven.iter().map(|d| d.friction).collect::<Vec<_>>();
+    assert_eq!(frictions(&box_before.model)[..5], [0.3, 0.3, 0.2, 0.0, 0.0], "while it settles");
+    let (model, mut state) = scene(&plan, prepared(&plan)).unwrap();
+    assert_eq!(frictions(&model)[..5], plan.bed.friction.boundary);
+    let springs = model.driven.iter().filter(|d| !d.stiffness.is_rigid());
+    assert_eq!(springs.map(|d| d.name.as_str()).collect::<Vec<_>>(), ["floor"]);
+    let targets = state.driven_poses(&model);
+    let inputs = StepInputs::from_targets(&targets);
+    let mut workspace = Workspace::default();
+    for _ in 0..5 {
+        step(&model, &mut state, &inputs, &mut workspace, &mut ()).unwrap();
+    }
+    let n = model.grains.len();
+    let mut slips = [0.0_f64; 5];
+    for (pair, impulse) in state.contacts.bodies.iter().zip(&state.contacts.impulse) {
+        let Some(wall) = (pair[1] as usize).checked_sub(n).filter(|wall| *wall < 5) else {
+            continue;
+        };
+        let Part::HalfSpace { normal, .. } = model.driven[wall].parts[0] else { panic!("a wall") };
+        let along = impulse.dot(&normal);
+        let tangential = (impulse - normal * along).norm();
+        slips[wall] = slips[wall].max(tangential);
+        let limit = model.driven[wall].friction * along;
+        // Friction is stored in single precision.
+        assert!(tangential <= limit * (1.0 + 1e-6) + 1e-15, "{wall}: {tangential} beyond {limit}");
+    }
+    assert!(slips[3] < 1e-15 && slips[4] < 1e-15, "{slips:?} N s");
+    assert!(slips[0] > 1e-9 && slips[1] > 1e-9, "{slips:?} N s");
 }

@@ -5,7 +5,8 @@
 
 use crate::geometry::GrainShape;
 use crate::math::Vec3;
-use crate::model::{ContactStiffness, Model, Mount, Role, Solver, Stepping};
+use crate::model::{ContactStiffness, DrivenBody, Model, Mount, Role, Solver, Stepping};
+use crate::track::boundary::BOUNDARY_NAMES;
 use std::f64::consts::FRAC_PI_6;
 
 /// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
@@ -60,7 +61,7 @@ impl BedPlan {
 /// Random ballast grains.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrainPlan {
-    /// Size classes: sieve size (m) and share by number; shares sum to 1.
+    /// Size classes; their shares by number sum to 1. Either all of them or none are spread between sieves.
     pub classes: Vec<SizeClass>,
     /// Parameters of the random shapes.
     pub shape: GrainShape,
@@ -80,15 +81,69 @@ impl GrainPlan {
         let shares: f64 = self.classes.iter().map(|c| c.share).sum();
         FRAC_PI_6 * self.classes.iter().map(|c| c.share * c.size.powi(3)).sum::<f64>() / shares
     }
+
+    /// Size of the smallest grains, m; between sieves it is an estimate.
+    pub fn min_size(&self) -> f64 {
+        self.classes.iter().map(|c| c.size_range()[0]).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Size of the largest grains, m; between sieves it is an estimate.
+    pub fn max_size(&self) -> f64 {
+        self.classes.iter().map(|c| c.size_range()[1]).fold(0.0, f64::max)
+    }
 }
+
+/// Sieve size over nominal size, mean over random grains of the default shape; for estimates only.
+const SIEVE_RATIO: f64 = 0.93;
 
 /// One size class.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SizeClass {
-    /// Nominal size, m: diameter of the sphere of equal volume, close to the sieve size.
+    /// Nominal size, m: diameter of the sphere of equal volume; between sieves an estimate of the mean.
     pub size: f64,
-    /// Share by number.
+    /// Share by number; between sieves an estimate.
     pub share: f64,
+    /// Sieves between which the grains are spread; `None`: all grains have the nominal size.
+    pub fraction: Option<SieveFraction>,
+}
+
+impl SizeClass {
+    /// Creates a class of grains of one size (m) with its share by number.
+    pub fn of_size(size: f64, share: f64) -> Self {
+        Self { size, share, fraction: None }
+    }
+
+    /// Nominal sizes of the smallest and the largest grains, m.
+    fn size_range(&self) -> [f64; 2] {
+        self.fraction.map_or([self.size; 2], |f| f.sieves.map(|sieve| sieve / SIEVE_RATIO))
+    }
+}
+
+/// Grains between two sieves.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SieveFraction {
+    /// Size of the square holes that retain and that pass all grains, m.
+    pub sieves: [f64; 2],
+    /// Share by mass.
+    pub mass_share: f64,
+}
+
+/// Returns the size classes of a sieve curve: sizes of square holes (m, ascending) and the shares by mass that pass,
+/// from 0 to 1. Fractions without grains are left out.
+pub fn classes_of_grading(curve: &[[f64; 2]]) -> Vec<SizeClass> {
+    let mut classes = Vec::new();
+    for points in curve.windows(2) {
+        let ([low, below], [high, passing]) = (points[0], points[1]);
+        let mass_share = passing - below;
+        if mass_share > 0.0 {
+            let size = (low * high).sqrt() / SIEVE_RATIO;
+            let fraction = Some(SieveFraction { sieves: [low, high], mass_share });
+            classes.push(SizeClass { size, share: mass_share / (size * size * size), fraction });
+        }
+    }
+    let total: f64 = classes.iter().map(|c| c.share).sum();
+    classes.iter_mut().for_each(|c| c.share /= total);
+    classes
 }
 
 /// Coulomb friction of grains with each kind of partner.
@@ -100,8 +155,27 @@ pub struct FrictionPlan {
     pub sleeper: f64,
     /// Coefficient of grains with tines.
     pub tine: f64,
-    /// Coefficient of grains with floor and walls.
-    pub boundary: f64,
+    /// Friction of floor and walls, in the order of [`BOUNDARY_NAMES`]; 0 is a plane of symmetry.
+    pub boundary: [f64; 5],
+}
+
+impl FrictionPlan {
+    /// Sets the friction of all contacts of a model.
+    fn apply(&self, model: &mut Model) {
+        model.grain_friction = self.grain;
+        for body in &mut model.driven {
+            body.friction = match body.role {
+                Role::Boundary => self.boundary[boundary_index(body)],
+                Role::Sleeper => self.sleeper,
+                Role::Tine => self.tine,
+            };
+        }
+    }
+}
+
+/// Returns the place of a boundary among [`BOUNDARY_NAMES`]; 0, the floor, for other bodies.
+fn boundary_index(body: &DrivenBody) -> usize {
+    BOUNDARY_NAMES.iter().position(|name| *name == body.name).unwrap_or(0)
 }
 
 /// Stiffness of the contacts of grains with each kind of partner.
@@ -113,8 +187,8 @@ pub struct StiffnessPlan {
     pub sleeper: ContactStiffness,
     /// Between grain and tine.
     pub tine: ContactStiffness,
-    /// Between grain and floor or wall.
-    pub boundary: ContactStiffness,
+    /// Stiffness of floor and walls, in the order of [`BOUNDARY_NAMES`].
+    pub boundary: [ContactStiffness; 5],
 }
 
 impl StiffnessPlan {
@@ -123,7 +197,7 @@ impl StiffnessPlan {
         model.grain_stiffness = self.grain;
         for body in &mut model.driven {
             body.stiffness = match body.role {
-                Role::Boundary => self.boundary,
+                Role::Boundary => self.boundary[boundary_index(body)],
                 Role::Sleeper => self.sleeper,
                 Role::Tine => self.tine,
             };
@@ -309,15 +383,7 @@ pub struct RunPlan {
 
 /// Sets friction, stiffness, restitution, stepping and solver of a model to those of the plan.
 pub(super) fn apply_run_settings(plan: &Plan, model: &mut Model) {
-    let friction = &plan.bed.friction;
-    for body in &mut model.driven {
-        body.friction = match body.role {
-            Role::Boundary => friction.boundary,
-            Role::Sleeper => friction.sleeper,
-            Role::Tine => friction.tine,
-        };
-    }
-    model.grain_friction = friction.grain;
+    plan.bed.friction.apply(model);
     plan.bed.stiffness.apply(model);
     model.restitution = plan.run.restitution;
     model.stepping = plan.run.stepping;

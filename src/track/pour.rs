@@ -10,9 +10,9 @@
 
 use super::height_map::{Footprint, HeightMap, turned_bounds};
 use crate::error::{Error, Result};
-use crate::geometry::{AxisBox, Polyhedron, random_grain, random_rotation};
+use crate::geometry::{AxisBox, Polyhedron, ShapeDescriptors, random_grain, random_rotation};
 use crate::math::{Pose, Quat, Vec3};
-use crate::track::plan::{BedPlan, SizeClass};
+use crate::track::plan::{BedPlan, GrainPlan, SieveFraction, SizeClass};
 use rand::RngExt;
 use rand_pcg::Pcg64;
 
@@ -48,8 +48,13 @@ impl Templates {
                 found: format!("{} of sum {total}", bed.grains.classes.len()),
             });
         }
+        let fractions: Vec<SieveFraction> =
+            bed.grains.classes.iter().filter_map(|c| c.fraction).collect();
+        if fractions.len() == bed.grains.classes.len() {
+            return Self::generate_between_sieves(&bed.grains, &fractions, rng, shapes);
+        }
         let mut classes = Vec::new();
-        for &SizeClass { size, share } in &bed.grains.classes {
+        for &SizeClass { size, share, .. } in &bed.grains.classes {
             let count = (f64::from(bed.grains.templates) * share / total).round().max(1.0) as usize;
             let first = shapes.len();
             for _ in 0..count {
@@ -58,6 +63,33 @@ impl Templates {
             classes.push((first, shapes.len()));
         }
         let shares = bed.grains.classes.iter().map(|c| c.share / total).collect();
+        Ok(Self { classes, shares })
+    }
+
+    /// Makes shapes between sieves: each stands for the same mass of its fraction, and is drawn as often as that needs.
+    ///
+    /// Within a fraction the share by mass is linear in the logarithm of the sieve size, as on a grading chart.
+    fn generate_between_sieves(
+        grains: &GrainPlan,
+        fractions: &[SieveFraction],
+        rng: &mut Pcg64,
+        shapes: &mut Vec<Polyhedron>,
+    ) -> Result<Self> {
+        let total: f64 = fractions.iter().map(|f| f.mass_share).sum();
+        let (mut classes, mut shares) = (Vec::new(), Vec::new());
+        for &SieveFraction { sieves: [low, high], mass_share } in fractions {
+            let count = (f64::from(grains.templates) * mass_share / total).round().max(1.0);
+            for k in 0..count as usize {
+                let sieve = low * libm::pow(high / low, (k as f64 + 0.5) / count);
+                let grain = random_grain(rng, &grains.shape, sieve)?;
+                let grain = grain.scaled(sieve / ShapeDescriptors::of(&grain).sieve_size);
+                classes.push((shapes.len(), shapes.len() + 1));
+                shares.push(mass_share / count / grain.volume);
+                shapes.push(grain);
+            }
+        }
+        let sum: f64 = shares.iter().sum();
+        shares.iter_mut().for_each(|share| *share /= sum);
         Ok(Self { classes, shares })
     }
 
@@ -90,8 +122,7 @@ pub(super) struct PlacedGrain {
 
 /// A raster fine enough for the grains of a plan.
 pub(super) fn height_map(bed: &BedPlan) -> Result<HeightMap> {
-    let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
-    HeightMap::flat([bed.size.x, bed.size.y], smallest / CELLS_PER_GRAIN)
+    HeightMap::flat([bed.size.x, bed.size.y], bed.grains.min_size() / CELLS_PER_GRAIN)
 }
 
 /// Adds grains that already lie in the bed to the relief.

@@ -1,6 +1,8 @@
 use super::*;
 use crate::geometry::{Clipper, GrainShape, half_spaces_of};
-use crate::track::plan::{FrictionPlan, GrainPlan, PreparationPlan, StiffnessPlan};
+use crate::track::plan::{
+    FrictionPlan, GrainPlan, PreparationPlan, StiffnessPlan, classes_of_grading,
+};
 use rand::SeedableRng;
 
 fn bed(size: Vec3) -> BedPlan {
@@ -10,9 +12,9 @@ fn bed(size: Vec3) -> BedPlan {
         density: 2700.0,
         grains: GrainPlan {
             classes: vec![
-                SizeClass { size: 0.025, share: 0.50 },
-                SizeClass { size: 0.0375, share: 0.34 },
-                SizeClass { size: 0.050, share: 0.16 },
+                SizeClass::of_size(0.025, 0.50),
+                SizeClass::of_size(0.0375, 0.34),
+                SizeClass::of_size(0.050, 0.16),
             ],
             shape: GrainShape {
                 elongation: [0.7, 0.1],
@@ -22,7 +24,7 @@ fn bed(size: Vec3) -> BedPlan {
             },
             templates: 20,
         },
-        friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 },
+        friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: [0.8; 5] },
         stiffness: StiffnessPlan::default(),
         gravity: 9.81,
         preparation: PreparationPlan {
@@ -131,6 +133,34 @@ fn shares_are_by_number() {
         let found = laid.iter().filter(of_class).count() as f64 / laid.len() as f64;
         // Three standard deviations of a share among some 3000 grains.
         assert!((found - share).abs() < 0.03, "{size}: {found}");
+    }
+}
+
+#[test]
+fn a_sieve_curve_is_that_of_the_mass() {
+    let curve = [[0.0224, 0.0], [0.0315, 0.1], [0.04, 0.45], [0.05, 0.85], [0.063, 1.0]];
+    for angularity in [0.0, 0.5, 1.0] {
+        let mut bed = bed(Vec3::new(0.6, 0.6, 0.4));
+        bed.grains.classes = classes_of_grading(&curve);
+        bed.grains.shape.angularity = angularity;
+        bed.grains.templates = 60;
+        let Poured { shapes, laid, .. } = poured(&bed, 0.6 * 0.6 * 0.2, None);
+        let sieves: Vec<f64> = shapes.iter().map(|s| ShapeDescriptors::of(s).sieve_size).collect();
+        let total: f64 = laid.iter().map(|g| shapes[g.shape].volume).sum();
+        for [sieve, passing] in curve {
+            let passes = |g: &&PlacedGrain| sieves[g.shape] <= sieve;
+            let found: f64 =
+                laid.iter().filter(passes).map(|g| shapes[g.shape].volume).sum::<f64>() / total;
+            // Three standard deviations among some 1200 grains.
+            assert!((found - passing).abs() < 0.04, "{sieve}: {found} instead of {passing}");
+        }
+        // The curve between its points: half of the fraction's mass at the geometric mean of its sieves.
+        let middle = (0.04_f64 * 0.05).sqrt();
+        let below = laid.iter().filter(|g| sieves[g.shape] <= middle);
+        let found = below.map(|g| shapes[g.shape].volume).sum::<f64>() / total;
+        assert!((found - 0.65).abs() < 0.04, "{found}");
+        let estimate = bed.grains.mean_volume() * laid.len() as f64;
+        assert!((estimate / total - 1.0).abs() < 0.25, "{estimate} m³ instead of {total} m³");
     }
 }
 

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// Sleeper and tines without grains; driven body 0 is a wall that must not move.
 fn model(plan: &Plan) -> (Model, State) {
     let mut shapes = Vec::new();
-    let mut driven = crate::track::boundary::boundaries(&plan.bed.size, 0.8);
+    let mut driven = crate::track::boundary::boundaries(&plan.bed.size, [0.8; 5]);
     driven.truncate(1);
     driven.push(sleeper(&plan.sleepers[0], 1.0, &mut shapes).unwrap());
     for t in &plan.tines {

@@ -23,7 +23,7 @@ pub fn small_plan() -> Plan {
             seed: 1,
             density: 2700.0,
             grains: GrainPlan {
-                classes: vec![SizeClass { size: 0.0375, share: 1.0 }],
+                classes: vec![SizeClass::of_size(0.0375, 1.0)],
                 shape: GrainShape {
                     elongation: [0.7, 0.1],
                     flatness: [0.7, 0.1],
@@ -32,7 +32,7 @@ pub fn small_plan() -> Plan {
                 },
                 templates: 4,
             },
-            friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: 0.8 },
+            friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: [0.8; 5] },
             stiffness: StiffnessPlan::default(),
             gravity: 9.81,
             preparation: PreparationPlan {

@@ -7,8 +7,8 @@
 use ballast::geometry::GrainShape;
 use ballast::model::{ContactStiffness, Stepping};
 use ballast::track::plan::{
-    BedPlan, BlockPlan, FrictionPlan, GrainPlan, Plan, PreparationPlan, RunPlan, SizeClass,
-    SleeperPlan, StiffnessPlan,
+    BedPlan, BlockPlan, FrictionPlan, GrainPlan, Plan, PreparationPlan, RunPlan, SieveFraction,
+    SizeClass, SleeperPlan, StiffnessPlan,
 };
 
 /// Version of the preparation, raised when the same plan gives another bed: old keys then match no bed.
@@ -72,19 +72,32 @@ impl ContentHasher {
         self.numbers([density, gravity]);
         self.grains(grains);
         let FrictionPlan { grain, sleeper, tine: _, boundary } = friction;
-        self.numbers([grain, sleeper, boundary]);
+        self.numbers([grain, sleeper, &boundary[0]]);
         self.stiffness(stiffness);
         self.preparation(preparation);
+        self.walls(friction, stiffness);
+    }
+
+    /// Hashes floor and walls; nothing where they are all equal and belong to the kinds of contact above.
+    fn walls(&mut self, friction: &FrictionPlan, stiffness: &StiffnessPlan) {
+        let (mu, springs) = (&friction.boundary, &stiffness.boundary);
+        if mu.iter().any(|m| *m != mu[0]) || springs.iter().any(|s| *s != springs[0]) {
+            self.numbers(mu);
+            springs.iter().for_each(|s| self.contact_stiffness(s));
+        }
+    }
+
+    fn contact_stiffness(&mut self, stiffness: &ContactStiffness) {
+        let ContactStiffness { normal, tangential_ratio, damping_time } = stiffness;
+        self.numbers([normal, tangential_ratio, damping_time]);
     }
 
     /// Hashes the stiffness; nothing where all contacts are rigid, as before there was one.
     fn stiffness(&mut self, stiffness: &StiffnessPlan) {
         let StiffnessPlan { grain, sleeper, tine: _, boundary } = stiffness;
-        let of_bed = [grain, sleeper, boundary];
+        let of_bed = [grain, sleeper, &boundary[0]];
         if of_bed.iter().any(|s| !s.is_rigid()) {
-            for ContactStiffness { normal, tangential_ratio, damping_time } in of_bed {
-                self.numbers([normal, tangential_ratio, damping_time]);
-            }
+            of_bed.into_iter().for_each(|s| self.contact_stiffness(s));
         }
     }
 
@@ -92,8 +105,11 @@ impl ContentHasher {
         let GrainPlan { classes, shape, templates } = grains;
         let GrainShape { elongation, flatness, vertices, angularity } = shape;
         self.integer(classes.len() as u64);
-        for SizeClass { size, share } in classes {
+        for SizeClass { size, share, fraction } in classes {
             self.numbers([size, share]);
+            if let Some(SieveFraction { sieves, mass_share }) = fraction {
+                self.numbers(sieves.iter().chain([mass_share]));
+            }
         }
         self.numbers(elongation.iter().chain(flatness));
         vertices.iter().for_each(|v| self.integer(u64::from(*v)));

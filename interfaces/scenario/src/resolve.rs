@@ -9,7 +9,7 @@ use ballast::math::Vec3;
 use ballast::model::ContactStiffness;
 use ballast::track::plan::{
     BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, Plan, PreparationPlan, RunPlan,
-    SizeClass, SqueezePlan, StiffnessPlan, TampingPlan, VibrationPlan,
+    SizeClass, SqueezePlan, StiffnessPlan, TampingPlan, VibrationPlan, classes_of_grading,
 };
 
 /// Converts `case` to a plan, which is valid only if `report` has no error afterwards.
@@ -45,15 +45,21 @@ fn bed(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) -> BedPl
             grain: bed.friction.grain,
             sleeper: bed.friction.sleeper,
             tine: bed.friction.tine,
-            boundary: bed.friction.boundary,
+            boundary: bed
+                .walls
+                .by_name()
+                .map(|(_, wall)| wall.friction.unwrap_or(bed.friction.boundary)),
         },
-        stiffness: stiffness(&bed.stiffness),
+        stiffness: stiffness(&bed.stiffness, &bed.walls),
         gravity: bed.gravity_m_per_s2,
         preparation: preparation(bed, layout, report),
     }
 }
 
-fn stiffness(stiffness: &case_file::StiffnessSection) -> StiffnessPlan {
+fn stiffness(
+    stiffness: &case_file::StiffnessSection,
+    walls: &case_file::WallsSection,
+) -> StiffnessPlan {
     let of = |normal: Option<f64>| match normal.or(stiffness.grain) {
         None | Some(f64::INFINITY) => ContactStiffness::RIGID,
         Some(normal) => ContactStiffness {
@@ -66,17 +72,22 @@ fn stiffness(stiffness: &case_file::StiffnessSection) -> StiffnessPlan {
         grain: of(None),
         sleeper: of(stiffness.sleeper),
         tine: of(stiffness.tine),
-        boundary: of(stiffness.boundary),
+        boundary: walls.by_name().map(|(_, wall)| of(wall.stiffness.or(stiffness.boundary))),
     }
 }
 
-fn grains(grains: &case_file::GrainsSection) -> GrainPlan {
+pub fn grains(grains: &case_file::GrainsSection) -> GrainPlan {
+    let of_class =
+        |c: &case_file::SizeClassSection| SizeClass::of_size(c.size_m, c.number_fraction);
+    let classes = match &grains.grading {
+        Some(points) => {
+            let curve: Vec<[f64; 2]> = points.iter().map(|p| [p.sieve_m, p.passing]).collect();
+            classes_of_grading(&curve)
+        }
+        None => grains.classes.iter().map(of_class).collect(),
+    };
     GrainPlan {
-        classes: grains
-            .classes
-            .iter()
-            .map(|c| SizeClass { size: c.size_m, share: c.number_fraction })
-            .collect(),
+        classes,
         shape: GrainShape {
             vertices: grains.vertices,
             elongation: grains.elongation,

@@ -5,7 +5,7 @@ use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::table::figure;
 use ballast::track::TampingPhase;
-use ballast::track::plan::{Plan, TampingPlan};
+use ballast::track::plan::{Plan, SieveFraction, TampingPlan};
 use ballast_session::{Reporter, Result};
 use serde_json::json;
 
@@ -104,7 +104,14 @@ fn rounded(count: f64) -> u64 {
 
 fn sizes(plan: &Plan) -> String {
     let classes = plan.bed.grains.classes.iter();
-    let text =
-        classes.map(|c| format!("{:.0} % of {} mm", 100.0 * c.share, figure(1e3 * c.size, 3)));
+    let text = classes.map(|c| match c.fraction {
+        Some(SieveFraction { sieves: [low, high], mass_share }) => format!(
+            "{:.0} % by mass of {} to {} mm",
+            100.0 * mass_share,
+            figure(1e3 * low, 3),
+            figure(1e3 * high, 3)
+        ),
+        None => format!("{:.0} % of {} mm", 100.0 * c.share, figure(1e3 * c.size, 3)),
+    });
     text.collect::<Vec<_>>().join(", ")
 }

@@ -4,6 +4,7 @@ use super::range::{
     Coefficient, ContactStiffness, Corners, Count, Density, Duration, Fraction, Gravity, Length,
     Positive, PositiveOrInfinite, Ratio, Seed, ShapeCount,
 };
+use super::walls::WallsSection;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -38,6 +39,9 @@ pub struct BedSection {
     /// Stiffness of the contacts of grains with each kind of partner.
     #[serde(default)]
     pub stiffness: StiffnessSection,
+    /// Floor and walls with their own friction or stiffness.
+    #[serde(default)]
+    pub walls: WallsSection,
     /// Pouring and settling.
     #[serde(default)]
     pub preparation: PreparationSection,
@@ -62,6 +66,11 @@ pub struct GrainsSection {
     /// Size classes; their number fractions sum to 1.
     #[schemars(length(min = 1, max = 100))]
     pub classes: Vec<SizeClassSection>,
+    /// Sieve curve by mass, from 0 to 1; between its points it is linear in the logarithm of the sieve size. Absent: the
+    /// grains have `classes`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(length(min = 2, max = 100))]
+    pub grading: Option<Vec<GradingPointSection>>,
     /// Ratio of the middle axis to the longest axis: mean and half-width of a uniform distribution.
     #[schemars(with = "[Fraction; 2]")]
     pub elongation: [f64; 2],
@@ -85,6 +94,7 @@ impl Default for GrainsSection {
         let class = |size_m, number_fraction| SizeClassSection { size_m, number_fraction };
         Self {
             classes: vec![class(0.025, 0.5), class(0.0375, 0.34), class(0.05, 0.16)],
+            grading: None,
             elongation: [0.7, 0.1],
             flatness: [0.7, 0.1],
             vertices: [8, 40],
@@ -101,9 +111,21 @@ pub struct SizeClassSection {
     /// Nominal size, m: diameter of the sphere of equal volume, close to the sieve size.
     #[schemars(with = "Length")]
     pub size_m: f64,
-    /// Fraction of the number of grains in this class. Gradings such as EN 13450 are by mass.
+    /// Fraction of the number of grains in this class. Gradings such as EN 13450 are by mass: see `grading`.
     #[schemars(with = "Ratio")]
     pub number_fraction: f64,
+}
+
+/// Point of a sieve curve.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GradingPointSection {
+    /// Side of the square holes of the sieve, m.
+    #[schemars(with = "Length")]
+    pub sieve_m: f64,
+    /// Fraction of the mass that passes the sieve.
+    #[schemars(with = "Fraction")]
+    pub passing: f64,
 }
 
 /// Coulomb friction of grains with each kind of partner.

@@ -8,14 +8,16 @@ mod layout;
 pub mod range;
 mod run;
 mod tamping;
+mod walls;
 
-pub use bed::{BedSection, GrainsSection, StiffnessSection};
+pub use bed::{BedSection, GrainsSection, SizeClassSection, StiffnessSection};
 pub use layout::{
     BlockSection, DofModeName, SleeperMountSection, SleeperRow, SleeperSection, SqueezeDirection,
     TineMountSection, TineRows, TineSection,
 };
 pub use run::{PartitionMethod, RunSection, SolverSection};
 pub use tamping::TampingSection;
+pub use walls::WallsSection;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

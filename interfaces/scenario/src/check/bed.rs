@@ -19,6 +19,7 @@ const ROUNDING: f64 = 1e-9;
 pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
     let fill_level = plan.preparation.fill_level;
     fractions(&case.bed, report);
+    grading(&case.bed, report);
     axes(&case.bed, report);
     counts(&case.bed, report);
     levels(case, fill_level, report);
@@ -31,7 +32,7 @@ pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
 /// Refuses a coefficient of restitution of contacts whose springs return the bodies.
 fn rebound(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
     let StiffnessPlan { grain, sleeper, tine, boundary } = &plan.stiffness;
-    let has_springs = [grain, sleeper, tine, boundary].iter().any(|s| !s.is_rigid());
+    let has_springs = [grain, sleeper, tine].into_iter().chain(boundary).any(|s| !s.is_rigid());
     let (key, restitution) = ("run.restitution", case.run.restitution);
     if has_springs && restitution != 0.0 && report.is_clean(&[key]) {
         let text = DiagnosticText {
@@ -56,6 +57,56 @@ fn fractions(bed: &BedSection, report: &mut DiagnosticReport) {
             hint: None,
         };
         report.error("bed.grains.classes", text);
+    }
+}
+
+/// Checks that a sieve curve rises from 0 to 1 over ascending sieves, and that it stands alone.
+fn grading(bed: &BedSection, report: &mut DiagnosticReport) {
+    let key = "bed.grains.grading";
+    let Some(points) = bed.grains.grading.as_ref().filter(|_| report.is_clean(&[key])) else {
+        return;
+    };
+    if report.document.has("bed.grains.classes") {
+        let text = DiagnosticText {
+            problem: "the sizes of the grains are given twice".into(),
+            found: "`classes` and `grading`".into(),
+            expected: "one of them: `classes` by number or `grading` by mass".into(),
+            hint: None,
+        };
+        report.error(key, text);
+    }
+    for (k, pair) in points.windows(2).enumerate() {
+        let ([before, after], place) = ([pair[0], pair[1]], format!("{key}[{}]", k + 1));
+        let text = |problem: &str, found: f64, than: f64, hint: Option<&str>| DiagnosticText {
+            problem: problem.into(),
+            found: format!("{found:?} after {than:?}"),
+            expected: "ascending sieves, and shares that do not fall".into(),
+            hint: hint.map(String::from),
+        };
+        if after.sieve_m <= before.sieve_m {
+            let text = text("the sieves do not ascend", after.sieve_m, before.sieve_m, None);
+            report.error(&format!("{place}.sieve_m"), text);
+        } else if after.passing < before.passing {
+            let hint = "a larger sieve passes at least as much as a smaller one";
+            let text = text("the sieve curve falls", after.passing, before.passing, Some(hint));
+            report.error(&format!("{place}.passing"), text);
+        }
+    }
+    let last = points.len() - 1;
+    for (k, verb, end, hint) in [
+        (0, "start", 0.0, "add the sieve that retains all stones"),
+        (last, "end", 1.0, "add the sieve that passes all stones"),
+    ] {
+        let passing = points[k].passing;
+        if passing != end && report.is_clean(&[key]) {
+            let text = DiagnosticText {
+                problem: format!("the sieve curve does not {verb} at {end}"),
+                found: format!("a share of {passing:?} that passes"),
+                expected: format!("{end}"),
+                hint: Some(hint.into()),
+            };
+            report.error(&format!("{key}[{k}].passing"), text);
+        }
     }
 }
 
@@ -88,7 +139,8 @@ fn counts(bed: &BedSection, report: &mut DiagnosticReport) {
         };
         report.error("bed.grains.vertices", text);
     }
-    let classes = bed.grains.classes.len();
+    let classes =
+        bed.grains.grading.as_ref().map_or(bed.grains.classes.len(), |g| g.len().saturating_sub(1));
     if (bed.grains.shape_count as usize) < classes {
         let text = DiagnosticText {
             problem: "fewer shapes than size classes".into(),
@@ -147,7 +199,7 @@ fn grain_number(bed: &BedSection, plan: &BedPlan, report: &mut DiagnosticReport)
     }
     let [x, y, _] = bed.size_m;
     let grains = &bed.grains;
-    let largest = grains.classes.iter().map(|c| c.size_m).fold(0.0, f64::max);
+    let largest = plan.grains.max_size();
     // Grains have any orientation between the walls, and lie flat on the floor.
     let longest = largest * stretch(grains);
     let walls = ("bed.size_m", "a side of the box", x.min(y), longest, "the longest grain");
@@ -183,7 +235,7 @@ fn grain_number(bed: &BedSection, plan: &BedPlan, report: &mut DiagnosticReport)
         return;
     }
     // Pouring uses a raster that resolves the smallest grain.
-    let smallest = grains.classes.iter().map(|c| c.size_m).fold(f64::INFINITY, f64::min);
+    let smallest = plan.grains.min_size();
     let cells = [x, y].map(|side| (side * CELLS_PER_GRAIN / smallest).ceil());
     if cells[0] * cells[1] > MAX_CELLS {
         let text = DiagnosticText {

@@ -177,7 +177,7 @@ fn step_resolves(
     report: &mut DiagnosticReport,
 ) {
     let h = run.stepping.h();
-    let smallest = bed.grains.classes.iter().map(|c| c.size).fold(f64::INFINITY, f64::min);
+    let smallest = bed.grains.min_size();
     let limit = TravelLimit { h, smallest };
     if layout.sleepers.iter().any(|s| s.plan.tamped) {
         let lift = SMOOTH_STEP_PEAK * tamping.lift.height / tamping.lift.duration;

@@ -4,8 +4,7 @@ use crate::case_file::CaseFile;
 use crate::diagnostic::DiagnosticText;
 use crate::layout::Layout;
 use crate::report::DiagnosticReport;
-use ballast::math::Vec3;
-use ballast::track::boundary::boundaries;
+use ballast::track::boundary::BOUNDARY_NAMES;
 use std::collections::BTreeSet;
 
 /// Suffix of a body's name in the table columns of its force. `_x`, `_y` or `_z` follows; columns of positions have these
@@ -17,8 +16,7 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) {
     check_usable("name", &case.name, report);
     let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
     let tines = layout.tines.iter().map(|t| (&t.key, &t.plan.name));
-    let walls = boundaries(&Vec3::zeros(), 0.0);
-    let mut taken: BTreeSet<String> = walls.into_iter().map(|wall| wall.name).collect();
+    let mut taken: BTreeSet<String> = BOUNDARY_NAMES.map(String::from).into();
     let mut earlier: BTreeSet<&str> = BTreeSet::new();
     for (key, name) in sleepers.chain(tines) {
         let key = format!("{key}.name");

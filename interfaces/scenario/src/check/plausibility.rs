@@ -49,21 +49,27 @@ fn density(case: &CaseFile, report: &mut DiagnosticReport) {
 
 fn friction(case: &CaseFile, report: &mut DiagnosticReport) {
     let friction = &case.bed.friction;
-    for (key, coefficient) in [
+    let of_walls =
+        case.bed.walls.by_name().into_iter().filter_map(|(name, wall)| {
+            Some((format!("bed.walls.{name}.friction"), wall.friction?))
+        });
+    let of_kinds = [
         ("bed.friction.grain", friction.grain),
         ("bed.friction.sleeper", friction.sleeper),
         ("bed.friction.tine", friction.tine),
         ("bed.friction.boundary", friction.boundary),
         ("bed.preparation.friction", case.bed.preparation.friction),
-    ] {
-        if report.is_clean(&[key]) && coefficient > MAX_FRICTION {
+    ];
+    let of_kinds = of_kinds.into_iter().map(|(key, coefficient)| (String::from(key), coefficient));
+    for (key, coefficient) in of_kinds.chain(of_walls) {
+        if report.is_clean(&[&key]) && coefficient > MAX_FRICTION {
             let text = DiagnosticText {
                 problem: "no material has this friction".into(),
                 found: coefficient.to_string(),
                 expected: format!("a friction coefficient of at most {MAX_FRICTION}"),
                 hint: Some("it is the tangent of the angle, not the angle in degrees".into()),
             };
-            report.warn(key, text);
+            report.warn(&key, text);
         }
     }
 }

@@ -3,6 +3,7 @@
 use crate::case_file::{CaseFile, PartitionMethod, SolverSection};
 use crate::diagnostic::DiagnosticText;
 use crate::report::DiagnosticReport;
+use crate::resolve;
 use ballast::model::{self, PartitionRule, Stepping};
 use ballast::track::plan::RunPlan;
 
@@ -130,10 +131,10 @@ fn interval_within_run(
 }
 
 fn check_detection_distance(distance: f64, case: &CaseFile, report: &mut DiagnosticReport) {
-    let classes = &case.bed.grains.classes;
-    let sizes = || classes.iter().map(|c| c.size_m);
-    let (smallest, largest) = (sizes().fold(f64::INFINITY, f64::min), sizes().fold(0.0, f64::max));
-    let keys = ["run.detection_distance_m", "run.step_s", "bed.grains.classes"];
+    let grains = resolve::grains(&case.bed.grains);
+    let (smallest, largest) = (grains.min_size(), grains.max_size());
+    let keys =
+        ["run.detection_distance_m", "run.step_s", "bed.grains.classes", "bed.grains.grading"];
     if !report.is_clean(&keys) || distance <= 0.25 * smallest {
         return;
     }

@@ -153,7 +153,7 @@ fn absent_keys_have_the_documented_defaults() {
     assert_eq!(plan.bed.seed, 1);
     assert_eq!((plan.bed.density, plan.bed.gravity), (2700.0, 9.81));
     assert_eq!(plan.bed.preparation.fill_level, 0.3);
-    assert_eq!(plan.bed.friction.boundary, 0.8);
+    assert_eq!(plan.bed.friction.boundary, [0.8; 5]);
     assert_eq!(plan.bed.grains.classes.len(), 3);
     assert!(plan.sleepers.is_empty() && plan.tines.is_empty() && plan.tamping.is_none());
     let run = plan.run;

@@ -8,6 +8,7 @@ mod hostile;
 mod notation;
 mod samples;
 mod schema;
+mod stones;
 
 /// Valid case, which the tests change.
 pub const BASE: &str = r#"name = "base"
