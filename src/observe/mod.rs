@@ -14,6 +14,7 @@ pub mod inertial_number;
 pub mod lost;
 pub mod penetration;
 pub mod squeeze;
+pub mod stones;
 pub mod stress;
 mod sum;
 pub mod zone;
@@ -28,6 +29,7 @@ pub use squeeze::{
     MIN_CONTACT_FORCE, SqueezeMeter, SqueezeOutcome, SqueezePair, SqueezeRecord, SqueezeRule,
     TineStep,
 };
+pub use stones::{EN_13450_SIEVES, MassWeightedMean, StoneStatistics, stone_statistics};
 pub use stress::{Stress, stress};
 pub use zone::Zone;
 

@@ -4,7 +4,7 @@ use crate::arrays::{self, Vector};
 use crate::backend::{Backend, LastResult, WindowSpec};
 use crate::bodies::{PyTine, SolidArrays, parts, solid};
 use crate::calls::CallState;
-use crate::case::PyCase;
+use crate::case::{PyCase, to_dict};
 use crate::errors;
 use crate::info::SimulationInfo;
 use crate::inputs;
@@ -16,9 +16,11 @@ use crate::result::{self, PyWindowResult};
 use crate::state::PyState;
 use ballast::component::{PushProbe, StiffnessProbe};
 use ballast::math::Pose;
+use ballast::observe::stone_statistics;
 use ballast::track::TinePath;
 use ballast_protocol::lockstep::ParameterUpdate;
 use ballast_protocol::messages::ZoneMeasurement;
+use ballast_session::stones::stones_json;
 use ballast_zenoh::ComponentDescription;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
@@ -422,6 +424,13 @@ impl PySimulation {
     fn zones<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let measured = self.with_local(py, "zones", |local| local.zones(py))?;
         result::zones(py, measured.iter().map(|zone| ZoneMeasurement::of(0, zone)))
+    }
+
+    #[doc = stub!("Simulation.stones")]
+    #[getter]
+    fn stones<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let statistics = stone_statistics(&self.context(py, "stones")?.model);
+        statistics.map(|stones| to_dict(py, &stones_json(&stones))).transpose()
     }
 
     #[doc = stub!("Simulation.shape_indices")]

@@ -241,7 +241,7 @@ def test_remote_simulations_refuse_local_operations(sim: ballast.Simulation, ser
         kept = there.save()
         for ask in (
             there.fork, there.zones, there.step_tamping_cycle, lambda: there.case, lambda: there.masses,
-            lambda: there.phase, lambda: there.record(tmp_path / "run.mcap"), lambda: kept.positions,
+            lambda: there.stones, lambda: there.phase, lambda: there.record(tmp_path / "run.mcap"), lambda: kept.positions,
             lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept), lambda: there.tines,
             lambda: there.threads, lambda: there.shape_indices, lambda: there.shape(0), lambda: kept.step, lambda: kept.body("floor"),
         ):  # fmt: skip

@@ -55,6 +55,15 @@ def test_boundary_impulses_balance_the_weight(sim: ballast.Simulation) -> None:
     assert reaction == pytest.approx(-weight, rel=0.05)
 
 
+def test_stones_have_shape_and_grading(sim: ballast.Simulation) -> None:
+    stones = sim.stones
+    assert stones is not None
+    assert 0.7 < stones["sphericity"]["mean"] < 1.0
+    passing = [point["passing"] for point in stones["grading"]]
+    assert passing == sorted(passing) and passing[-1] == pytest.approx(1.0)
+    assert 0.0 <= stones["flakiness_index"] <= 1.0 and 0.0 <= stones["shape_index"] <= 1.0
+
+
 def test_results_are_consistent(sim: ballast.Simulation) -> None:
     out = sim.advance_to(10 * sim.step_ns, lowered(sim, 1e-3, 10), record_steps=True, zones=True)
     assert (out.t0_ns, out.t1_ns, out.steps) == (0, 10 * sim.step_ns, 10)

@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::hash::state_hash;
 use crate::results::ResultsReader;
 use crate::seal;
+use ballast::observe::{StoneStatistics, stone_statistics};
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;
@@ -34,6 +35,8 @@ pub struct FileSummary {
     pub contacts: Option<u64>,
     /// Hash of the state; in beds and checkpoints.
     pub hash: Option<u128>,
+    /// Shape and grading of the stones; in beds and checkpoints.
+    pub stones: Option<StoneStatistics>,
     /// Number of frames; in results.
     pub frames: Option<u64>,
     /// Name, columns and rows of the tables; in results.
@@ -68,6 +71,7 @@ fn of_checkpoint(path: &Path) -> Result<FileSummary> {
         time: Some(state.time()),
         contacts: Some(state.contacts.bodies.len() as u64),
         hash: Some(state_hash(model, state)),
+        stones: stone_statistics(model),
         frames: None,
         tables: vec![],
         size: size(path),
@@ -104,6 +108,7 @@ fn of_results(path: &Path) -> Result<FileSummary> {
         time,
         contacts: None,
         hash: None,
+        stones: None,
         frames: Some(reader.steps().len() as u64),
         tables,
         size: size(path),

@@ -4,10 +4,11 @@ use crate::ProgressLabel;
 use crate::Reporter;
 use crate::case::Case;
 use crate::interrupt;
+use crate::stones::{stones_json, stones_text};
 use crate::table::duration;
 use crate::{Failure, Result};
 use ballast::model::Model;
-use ballast::observe::mean_speed;
+use ballast::observe::{mean_speed, stone_statistics};
 use ballast::state::State;
 use ballast::track::{Bed, DepositProgress};
 use ballast_beds::{BedStore, PreparationProgress};
@@ -23,6 +24,10 @@ pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) 
     let kept = if again { None } else { beds.find(&case.plan)? };
     let (prepared, bed) = find_or_prepare(kept, || prepare_bed(case, &beds, console))?;
     report_bed(case, &beds, &bed, prepared, console);
+    if let Some(stones) = stone_statistics(&bed.model) {
+        console.result(&stones_text(&stones));
+        console.event("stones", stones_json(&stones));
+    }
     let verb = if prepared { "prepared" } else { "already there" };
     console.result(&format!("{verb}: {}", beds.path(&case.plan).display()));
     Ok(())

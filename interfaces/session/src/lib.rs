@@ -19,6 +19,7 @@ mod reporter;
 pub mod run_files;
 pub mod run_recorder;
 pub mod statistics;
+pub mod stones;
 pub mod summary;
 pub mod summary_text;
 pub mod table;

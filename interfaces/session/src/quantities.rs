@@ -100,6 +100,13 @@ quantities! {
     TinesBelowTargetDepth: "", "", "tines above target depth", "", "", "Number of tines that did not reach the target depth.";
     TinesBelowTargetClosing: "", "", "tines below target closing", "", "", "Number of tines that did not reach the target closing.";
     Compactness: "ZONE", "compactness.ZONE", "compactness", "1", "ZoneResult.compactness", "Compactness of a zone (T-21); in summaries before and after the run.";
+    StoneElongation: "", "stones.elongation", "elongation I/L", "1", "Simulation.stones", "Width over length of the stones, mean and standard deviation by mass.";
+    StoneFlatness: "", "stones.flatness", "flatness S/I", "1", "Simulation.stones", "Thickness over width of the stones, mean and standard deviation by mass.";
+    StoneSphericity: "", "stones.sphericity", "sphericity", "1", "Simulation.stones", "Wadell's sphericity: surface of the sphere of equal volume over the surface of the stone, mean and standard deviation by mass.";
+    StoneAngularity: "", "stones.angularity_deg", "angularity", "°", "Simulation.stones", "Angle between the normals of the two faces at an edge, mean over the edges by length, mean and standard deviation by mass.";
+    FlakinessIndex: "", "stones.flakiness_index", "flakiness index", "1", "Simulation.stones", "Share by mass of stones thinner than half the upper sieve of their size fraction (EN 933-3).";
+    ShapeIndex: "", "stones.shape_index", "shape index", "1", "Simulation.stones", "Share by mass of stones more than three times as long as thick (EN 933-4).";
+    StoneGrading: "", "stones.grading", "passing", "1", "Simulation.stones", "Share by mass that passes each sieve of EN 13450.";
     Steps: "", "steps", "steps", "", "", "Number of steps with figures.";
     FromStep: "", "from_step", "first step", "", "", "Number of steps before the first one with figures, for a replay that starts within a run.";
     Grains: "", "grains", "grains", "", "", "Number of grains.";
@@ -141,7 +148,7 @@ pub fn markdown() -> String {
     let mut page = String::from(
         "# Quantities\n\n\
          Generated from `interfaces/session/src/quantities.rs`. `BODY`, `ZONE` and `PHASE` stand for names. Numbers like\n\
-         (T-14) are equations of the theory page.\n\n\
+         (T-14) are equations of the theory page. `stones` is in the JSON of `ballast prepare` and `ballast inspect`.\n\n\
          | column | `summary.json` | label | unit | Python | meaning |\n\
          |---|---|---|---|---|---|\n",
     );

@@ -492,6 +492,10 @@ class Simulation:
         """Number of grains, ng."""
 
     @property
+    def stones(self) -> dict[str, Any] | None:
+        """Shape and grading of the stones, by mass, as in `ballast inspect --json`; None without stones."""
+
+    @property
     def shape_indices(self) -> NDArray[np.uint32]:
         """Shape index of each grain (ng,), for `shape`."""
 

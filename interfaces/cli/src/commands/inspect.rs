@@ -4,6 +4,7 @@ use super::expected_file::ExpectedFile;
 use crate::args::InspectArgs;
 use crate::console::Console;
 use ballast_session::run_files::RunFiles;
+use ballast_session::stones::{stones_json, stones_text};
 use ballast_session::{Reporter, Result};
 
 pub fn inspect(args: InspectArgs, console: Console) -> Result {
@@ -11,6 +12,11 @@ pub fn inspect(args: InspectArgs, console: Console) -> Result {
     let summary = ballast_hdf5::inspect::inspect(&file);
     let summary = summary.map_err(|e| RunFiles::beside(&file).explain_read_failure(e.into()))?;
     console.result(&summary.to_string());
-    console.event("file", summary.to_json());
+    let mut fields = summary.to_json();
+    if let Some(stones) = &summary.stones {
+        console.result(&stones_text(stones));
+        fields["stones"] = stones_json(stones);
+    }
+    console.event("file", fields);
     Ok(())
 }

@@ -116,6 +116,9 @@ fn a_bed_is_prepared_once() {
     };
     assert_eq!(made(&first)["prepared"], true);
     assert_eq!(made(&again)["prepared"], false);
+    let stones = first.events().into_iter().find(|e| e["event"] == "stones").unwrap();
+    assert_eq!(stones["grading"][2]["passing"], 1.0, "no stone is larger than 40 mm");
+    assert!(stones["sphericity"]["mean"].as_f64().is_some_and(|mean| mean > 0.7 && mean < 1.0));
     let bed = place.path(made(&first)["path"].as_str().unwrap());
     // Equal keys, equal beds: where the hash changes, the version of the key is to be raised (`content_key`).
     let inspected = place.call(&format!("inspect {} --json", bed.display())).with_code(0).events();
