@@ -253,10 +253,9 @@ impl ContactMemory {
             Some("pairs out of order".into())
         } else if !self.impulse.iter().chain(&self.local_point).all(finite) {
             Some("a number that is not finite".into())
-        } else if let Some(overlap) = self.overlap.iter().find(|x| !(x.is_finite() && **x >= 0.0)) {
-            Some(format!("an overlap of {overlap} m"))
         } else {
-            None
+            let bad = self.overlap.iter().find(|x| !(x.is_finite() && **x >= 0.0));
+            bad.map(|overlap| format!("an overlap of {overlap} m"))
         };
         bad.map_or(Ok(()), |found| {
             Err(Error::State {

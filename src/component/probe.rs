@@ -20,8 +20,8 @@ use crate::track::scene::release;
 use crate::track::sleeper::CONCRETE;
 use std::sync::Arc;
 
-/// Number of points of each ramp and of a push.
-const POINTS: u64 = 50;
+/// Maximum number of points of each ramp and of a push.
+const MAX_POINTS: u64 = 50;
 
 /// Static load on a sleeper: vertical ramps from zero to the largest load and back to the smallest, several times.
 ///
@@ -144,8 +144,8 @@ impl StiffnessProbe {
         expect(positive(ramp), "probe: ramp", "a finite duration above 0 s", ramp)?;
         expect(cycles > 0, "probe: cycles", "1 or more", cycles)?;
         let mut bench = TestBench::new(model, state, sleeper)?;
-        let window = bench.window_ns(ramp);
-        let duration = window * POINTS;
+        let Windows { length: window, count } = bench.windows(ramp);
+        let duration = window * count;
         bench.seat(duration, observer)?;
         let start = bench.component.now_ns();
         let knot = |ramps: u64, load: f64| LoadKnot {
@@ -162,7 +162,7 @@ impl StiffnessProbe {
         };
         let seat = bench.position().z;
         let mut points = Vec::new();
-        for _ in 0..ramps * POINTS {
+        for _ in 0..ramps * count {
             bench.advance(window, &inputs, observer)?;
             let now = bench.component.now_ns();
             points.push(ProbePoint {
@@ -171,14 +171,13 @@ impl StiffnessProbe {
                 displacement: seat - bench.position().z,
             });
         }
-        let cycles = evaluate_cycles(&points, min_load);
+        let cycles = evaluate_cycles(&points, count as usize, min_load);
         Ok(StiffnessCurve { points, cycles })
     }
 }
 
-/// Returns stiffness and settlements of each cycle of [`POINTS`] points up and as many down.
-fn evaluate_cycles(points: &[ProbePoint], min_load: f64) -> Vec<LoadCycle> {
-    let half = POINTS as usize;
+/// Returns stiffness and settlements of each cycle of `half` points up and as many down.
+fn evaluate_cycles(points: &[ProbePoint], half: usize, min_load: f64) -> Vec<LoadCycle> {
     let (mut start, mut start_load) = (0.0, 0.0);
     let cycles = points.chunks_exact(2 * half).map(|cycle| {
         let (top, end) = (cycle[half - 1], cycle[2 * half - 1]);
@@ -214,10 +213,10 @@ impl PushProbe {
         expect(positive(speed), "probe: speed", "a finite speed above 0 m/s", speed)?;
         expect(positive(seating), "probe: seating", "a finite duration above 0 s", seating)?;
         let mut bench = TestBench::new(model, state, sleeper)?;
-        let seating = bench.window_ns(seating) * POINTS;
-        bench.seat(seating, observer)?;
-        let window = bench.window_ns(displacement / speed);
-        let (start, duration) = (bench.component.now_ns(), window * POINTS);
+        let seating = bench.windows(seating);
+        bench.seat(seating.length * seating.count, observer)?;
+        let Windows { length: window, count } = bench.windows(displacement / speed);
+        let (start, duration) = (bench.component.now_ns(), window * count);
         let rest = bench.component.state().imposed(bench.component.model(), bench.sleeper);
         let knot = |time_ns: u64, way: f64| {
             let mut pose = rest;
@@ -233,7 +232,7 @@ impl PushProbe {
         };
         let from = bench.position().y;
         let mut points = Vec::new();
-        for _ in 0..POINTS {
+        for _ in 0..count {
             let force = bench.advance(window, &inputs, observer)?;
             points.push(ProbePoint {
                 time: (bench.component.now_ns() - start) as f64 * 1e-9,
@@ -243,6 +242,13 @@ impl PushProbe {
         }
         Ok(PushCurve { points, weight: bench.weight })
     }
+}
+
+/// Windows of equal length.
+struct Windows {
+    /// Length of each, ns.
+    length: u64,
+    count: u64,
 }
 
 /// Component in which one sleeper may move vertically.
@@ -281,11 +287,12 @@ impl TestBench {
         Ok(Self { component, name, sleeper, weight })
     }
 
-    /// Returns the length of the windows of a ramp of this duration (s): whole steps, ns.
-    fn window_ns(&self, duration: f64) -> u64 {
+    /// Divides a duration (s) into windows of whole steps.
+    fn windows(&self, duration: f64) -> Windows {
         let step = self.component.model().stepping.step_ns;
-        let steps = (duration / POINTS as f64 / (step as f64 * 1e-9)).round().max(1.0);
-        steps as u64 * step
+        let steps = (duration / (step as f64 * 1e-9)).round().max(1.0) as u64;
+        let length = (steps / MAX_POINTS).max(1);
+        Windows { length: length * step, count: steps.div_ceil(length) }
     }
 
     /// Position of the sleeper's reference point, m.
