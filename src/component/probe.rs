@@ -291,7 +291,7 @@ impl TestBench {
     fn windows(&self, duration: f64) -> Windows {
         let step = self.component.model().stepping.step_ns;
         let steps = (duration / (step as f64 * 1e-9)).round().max(1.0) as u64;
-        let length = (steps / MAX_POINTS).max(1);
+        let length = steps.div_ceil(MAX_POINTS);
         Windows { length: length * step, count: steps.div_ceil(length) }
     }
 
