@@ -1083,7 +1083,8 @@ def test_a_sleeper_is_probed_and_the_simulation_stays_as_it_is(sim: ballast.Simu
     before = sim.save().hash
     support = sim.probe_stiffness(max_load=300.0, min_load=50.0, cycles=1, ramp=0.02)
     assert support["load"].max() == pytest.approx(300.0)
-    assert len(support["cycles"]) == 1 and support["cycles"][0]["settlement"] >= support["cycles"][0]["rest"]
+    [cycle] = support["cycles"]
+    assert cycle["settlement"] == support["settlement"][19] > 0 and cycle["rest"] == support["settlement"][-1]
     push = sim.probe_push("sleeper_1", displacement=3e-4, speed=0.02, seating=0.02)
     assert push["displacement"][-1] == pytest.approx(3e-4, rel=0.1)
     assert push["force"].max() > 0 and push["weight"] > 0 and push["force_at_2_mm"] is None
