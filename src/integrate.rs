@@ -163,11 +163,15 @@ impl StepMotion<'_> {
         history: &ContactHistory,
         overlap: &mut Vec<f64>,
     ) {
-        let (has_springs, h) = (!self.model.is_rigid(), self.model.stepping.h());
+        if self.model.is_rigid() {
+            overlap.clear();
+            return overlap.resize(contacts.len(), 0.0);
+        }
+        let h = self.model.stepping.h();
         let twist = |b: usize| self.motion.twist(self.velocity, self.angular_velocity, b);
         let end = |c: usize| {
             let stiffness = self.model.contact_stiffness(contacts.bodies[c][1] as usize);
-            if !has_springs || stiffness.is_rigid() {
+            if stiffness.is_rigid() {
                 return 0.0;
             }
             let start = history.spring_gap(c, contacts.gap[c], h);

@@ -27,7 +27,8 @@ pub use limits::Limits;
 pub use load::{LoadKnot, LoadWaveform};
 pub use parameters::Parameters;
 pub use probe::{
-    LoadCycle, ProbePoint, PushCurve, PushProbe, StiffnessCurve, StiffnessProbe, sleepers,
+    LoadCycle, ProbePoint, PushCurve, PushProbe, StiffnessCurve, StiffnessProbe, find_sleeper,
+    sleepers,
 };
 pub use refusal::Refusal;
 pub use result::{BodyResult, SolverResult, WindowResult, WindowStatus, ZoneResult, measure_zones};

@@ -10,9 +10,9 @@ use super::stepper::Component;
 use super::waveform::{Interpolation, Knot, Waveform};
 use super::window::{LoadInput, MotionInput, WindowInputs};
 use crate::drive::Load;
-use crate::error::Error;
 use crate::integrate;
 use crate::math::Vec3;
+use crate::model::check::expect;
 use crate::model::{DofMode, Model, Mount, Part, Role};
 use crate::state::State;
 use crate::step::StepObserver;
@@ -106,6 +106,9 @@ pub struct PushCurve {
 }
 
 impl PushCurve {
+    /// Displacement at which forces of pushes are compared, m.
+    pub const REFERENCE_DISPLACEMENT: f64 = 2e-3;
+
     /// Returns the force at a displacement (m), N, linear between points; `None` beyond the curve.
     pub fn force_at(&self, displacement: f64) -> Option<f64> {
         let after = self.points.iter().position(|p| p.displacement >= displacement)?;
@@ -328,6 +331,11 @@ pub fn sleepers(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.driven.len()).filter(|d| model.driven[*d].role == Role::Sleeper)
 }
 
+/// Returns the number of the sleeper with a name among the driven bodies, that of the first sleeper if no name is given.
+pub fn find_sleeper(model: &Model, name: Option<&str>) -> Option<usize> {
+    sleepers(model).find(|d| name.is_none_or(|name| model.driven[*d].name == name))
+}
+
 /// Returns a mount of driven body `d` that moves vertically under loads, with its mass or that of concrete.
 fn vertical_mount(model: &Model, d: usize) -> Mount {
     let body = &model.driven[d];
@@ -345,21 +353,4 @@ fn vertical_mount(model: &Model, d: usize) -> Mount {
     mount.dof_modes = [DofMode::Prescribed; 6];
     mount.dof_modes[2] = DofMode::Free;
     mount
-}
-
-fn expect(
-    good: bool,
-    place: &str,
-    expected: &str,
-    found: impl std::fmt::Debug,
-) -> Result<(), Refusal> {
-    if good {
-        return Ok(());
-    }
-    let error = Error::Model {
-        place: place.into(),
-        expected: expected.into(),
-        found: format!("{found:?}"),
-    };
-    Err(error.into())
 }

@@ -36,8 +36,6 @@ pub struct Component {
     last: Option<(Arc<State>, u64)>,
     state_pool: StatePool,
     workspace: Workspace,
-    /// Buffers of force checks, which leave those of the run as they are.
-    check_workspace: Workspace,
     speed_limit: SpeedLimit,
 }
 
@@ -64,7 +62,6 @@ impl Component {
             last: None,
             state_pool: StatePool::default(),
             workspace: Workspace::default(),
-            check_workspace: Workspace::default(),
             speed_limit,
         })
     }
@@ -310,7 +307,6 @@ impl Component {
             last: self.last.clone(),
             state_pool: StatePool::default(),
             workspace: Workspace::default(),
-            check_workspace: Workspace::default(),
             speed_limit: self.speed_limit.clone(),
         }
     }
@@ -360,6 +356,8 @@ impl Component {
     ) -> Result<StepReport, Error> {
         let targets = plan.targets(&self.model, &self.state);
         let loads = plan.loads(&self.model, &self.state);
+        // Before the step, whose buffers observers read.
+        let from_zero = self.solve_from_zero(&targets, &loads, observer)?;
         let speed_limit = Some(&self.speed_limit);
         let inputs =
             StepInputs { targets: &targets, loads: &loads, speed_limit, zero_start: false };
@@ -367,34 +365,35 @@ impl Component {
         let mut report =
             advance(&self.model, &self.state, &mut next, &inputs, &mut self.workspace, observer)?;
         self.expect_shallow()?;
-        let interval = u64::from(self.model.solver.force_check_interval);
-        if interval > 0 && self.state.step % interval == interval - 1 {
-            report.force_check = self.check_forces(&targets, &loads, &report, observer)?;
+        if let Some(from_zero) = from_zero {
+            report.force_check =
+                ForceCheck::new(&self.model, &report.reactions, &from_zero.reactions);
         }
         self.state_pool.keep(std::mem::replace(&mut self.state, Arc::new(next)));
         Ok(report)
     }
 
-    /// Solves the step from the state again, from zero impulses, and compares the forces with those of `report`.
-    fn check_forces(
+    /// Solves the step from zero impulses without effect on the state, if its forces are to be checked.
+    fn solve_from_zero(
         &mut self,
         targets: &[Pose],
         loads: &[Load],
-        report: &StepReport,
         observer: &mut impl StepObserver,
-    ) -> Result<ForceCheck, Error> {
+    ) -> Result<Option<StepReport>, Error> {
+        let interval = u64::from(self.model.solver.force_check_interval);
+        if interval == 0 || self.state.step % interval != interval - 1 {
+            return Ok(None);
+        }
         let inputs = StepInputs { targets, loads, speed_limit: None, zero_start: true };
-        let mut again = self.state_pool.take();
-        let workspace = &mut self.check_workspace;
-        let from_zero = advance(&self.model, &self.state, &mut again, &inputs, workspace, observer);
-        self.state_pool.keep(Arc::new(again));
-        match from_zero {
-            Ok(from_zero) => {
-                Ok(ForceCheck::new(&self.model, &report.reactions, &from_zero.reactions))
-            }
+        let mut end = self.state_pool.take();
+        let workspace = &mut self.workspace;
+        let report = advance(&self.model, &self.state, &mut end, &inputs, workspace, observer);
+        self.state_pool.keep(Arc::new(end));
+        match report {
+            Ok(report) => Ok(Some(report)),
             Err(Error::Stopped(reason)) => Err(Error::Stopped(reason)),
-            // The step itself has been solved.
-            Err(_) => Ok(ForceCheck::default()),
+            // The step itself tells of what it meets, too.
+            Err(_) => Ok(None),
         }
     }
 }

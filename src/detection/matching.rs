@@ -18,20 +18,6 @@ const TOLERANCE: f64 = 0.2;
 /// Maximum gap of a closed contact, over the candidate's radius.
 const MAX_CLOSED_GAP: f64 = 1e-3;
 
-/// Contact of the last step that is the same as one of this step.
-#[derive(Debug, Clone, Copy)]
-struct ContactMatch {
-    /// Number in the memory, or [`ContactMatch::NONE`].
-    contact: u32,
-    /// Overlap in the memory, or the share of one that has come, m.
-    overlap: f64,
-}
-
-impl ContactMatch {
-    /// Number that stands for no contact.
-    const NONE: u32 = u32::MAX;
-}
-
 /// Fills `history` with impulse and overlap of each contact `[nc]` in the last step (T-20).
 ///
 /// They are those of the same contact in `memory`, or zero without one. In a pair of bodies, contacts with equal
@@ -44,15 +30,10 @@ pub fn match_contacts(
     contacts: &Contacts,
     history: &mut ContactHistory,
 ) {
-    let none = ContactMatch { contact: ContactMatch::NONE, overlap: 0.0 };
-    let mut matches = vec![none; contacts.len()];
-    ContactMatching { model, motion, memory, contacts }.run(0, &mut matches);
-    let of = |found: &ContactMatch| {
-        let impulse = memory.impulse.get(found.contact as usize);
-        (impulse.copied().unwrap_or_default(), found.overlap)
-    };
-    let matches = matches.par_iter().with_min_len(8192);
-    matches.map(of).unzip_into_vecs(&mut history.impulse, &mut history.overlap);
+    let ContactHistory { impulse, overlap } = history;
+    impulse.resize(contacts.len(), Vec3::zeros());
+    overlap.resize(contacts.len(), 0.0);
+    ContactMatching { model, motion, memory, contacts }.run(0, impulse, overlap);
 }
 
 /// Returns the sum of the impulses of the previous step, N s, on pairs that are open where it ended, and that on all pairs.
@@ -88,14 +69,18 @@ struct ContactMatching<'a> {
 }
 
 impl ContactMatching<'_> {
-    /// Matches the contacts `from..from + matches.len()`, which are those of whole pairs.
-    fn run(&self, from: usize, matches: &mut [ContactMatch]) {
-        match self.cut(from, matches.len()) {
+    /// Matches the contacts `from..from + impulse.len()`, which are those of whole pairs.
+    fn run(&self, from: usize, impulse: &mut [Vec3], overlap: &mut [f64]) {
+        match self.cut(from, impulse.len()) {
             Some(n) => {
-                let (left, right) = matches.split_at_mut(n);
-                rayon::join(|| self.run(from, left), || self.run(from + n, right));
+                let (left, right) = impulse.split_at_mut(n);
+                let (left_overlap, right_overlap) = overlap.split_at_mut(n);
+                rayon::join(
+                    || self.run(from, left, left_overlap),
+                    || self.run(from + n, right, right_overlap),
+                );
             }
-            None => self.match_all(from, matches),
+            None => self.match_all(from, impulse, overlap),
         }
     }
 
@@ -106,11 +91,13 @@ impl ContactMatching<'_> {
         (n > CHUNK).then(|| (n / 2..n).find(starts_pair))?
     }
 
-    fn match_all(&self, from: usize, matches: &mut [ContactMatch]) {
+    fn match_all(&self, from: usize, impulse: &mut [Vec3], overlap: &mut [f64]) {
+        impulse.fill(Vec3::zeros());
+        overlap.fill(0.0);
         let Some(first) = self.contacts.bodies.get(from) else { return };
         let old_bodies = &self.memory.bodies;
         let mut old = old_bodies.partition_point(|b| b < first);
-        let end = from + matches.len();
+        let end = from + impulse.len();
         let mut used = Vec::new();
         let mut new = from;
         while new < end {
@@ -121,34 +108,35 @@ impl ContactMatching<'_> {
             }
             if old < old_bodies.len() && old_bodies[old] == bodies {
                 let old_end = run_end(old_bodies, old);
-                let matches = &mut matches[new - from..next - from];
-                self.pair(new..next, old..old_end, matches, &mut used);
+                let pair = new - from..next - from;
+                let (impulse, overlap) = (&mut impulse[pair.clone()], &mut overlap[pair]);
+                self.pair(new..next, old..old_end, impulse, overlap, &mut used);
                 old = old_end;
             }
             new = next;
         }
     }
 
-    /// Match with contact `o` of the memory.
-    fn found(&self, o: usize) -> ContactMatch {
-        ContactMatch { contact: o as u32, overlap: self.memory.overlap[o] }
-    }
-
     fn pair(
         &self,
         new: std::ops::Range<usize>,
         old: std::ops::Range<usize>,
-        matches: &mut [ContactMatch],
+        impulse: &mut [Vec3],
+        overlap: &mut [f64],
         used: &mut Vec<bool>,
     ) {
         used.clear();
         used.resize(old.len() + new.len(), false);
         let (old_used, new_used) = used.split_at_mut(old.len());
+        let mut keep = |n: usize, o: usize| {
+            impulse[n - new.start] = self.memory.impulse[o];
+            overlap[n - new.start] = self.memory.overlap[o];
+        };
         for n in new.clone() {
             let same = |o: &usize| self.memory.feature[*o] == self.contacts.feature[n];
             let unused = old.clone().filter(|o| !old_used[o - old.start]);
             if let Some(o) = unused.into_iter().find(same) {
-                matches[n - new.start] = self.found(o);
+                keep(n, o);
                 old_used[o - old.start] = true;
                 new_used[n - new.start] = true;
             }
@@ -173,16 +161,16 @@ impl ContactMatching<'_> {
                 }
             }
             let Some((n, o)) = best.1 else { break };
-            matches[n - new.start] = self.found(o);
+            keep(n, o);
             old_used[o - old.start] = true;
             new_used[n - new.start] = true;
         }
         let gone = self.memory.overlap[old].iter().zip(&*old_used).filter(|(_, used)| !**used);
         let squares: f64 = gone.map(|(overlap, _)| overlap * overlap).sum();
         let come = new_used.iter().filter(|used| !**used).count();
-        let overlap = (squares / come.max(1) as f64).sqrt();
-        for (found, _) in matches.iter_mut().zip(&*new_used).filter(|(_, used)| !**used) {
-            found.overlap = overlap;
+        let shared = (squares / come.max(1) as f64).sqrt();
+        for (own, _) in overlap.iter_mut().zip(&*new_used).filter(|(_, used)| !**used) {
+            *own = shared;
         }
     }
 }

@@ -17,7 +17,12 @@ fn is_friction(friction: f64) -> bool {
 }
 
 /// Returns an error with `found` unless `good`.
-fn expect(good: bool, place: &str, expected: &str, found: impl std::fmt::Debug) -> Result<()> {
+pub(crate) fn expect(
+    good: bool,
+    place: &str,
+    expected: &str,
+    found: impl std::fmt::Debug,
+) -> Result<()> {
     if good {
         return Ok(());
     }

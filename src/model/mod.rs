@@ -5,7 +5,7 @@
 //! motion is imposed, or it has a mount: then contacts move it, against springs or loads. Grains and mounted bodies
 //! are *mobile*: contacts change their velocities.
 
-mod check;
+pub(crate) mod check;
 mod mount;
 mod solver;
 mod stepping;

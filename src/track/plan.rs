@@ -146,62 +146,44 @@ pub fn classes_of_grading(curve: &[[f64; 2]]) -> Vec<SizeClass> {
     classes
 }
 
-/// Coulomb friction of grains with each kind of partner.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrictionPlan {
-    /// Coefficient of grains with grains.
-    pub grain: f64,
-    /// Coefficient of grains with sleepers.
-    pub sleeper: f64,
-    /// Coefficient of grains with tines.
-    pub tine: f64,
-    /// Friction of floor and walls, in the order of [`BOUNDARY_NAMES`]; 0 is a plane of symmetry.
-    pub boundary: [f64; 5],
+/// Values of the contacts of grains with each kind of partner.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct PartnerValues<T> {
+    /// Of grains with grains.
+    pub grain: T,
+    /// Of grains with sleepers.
+    pub sleeper: T,
+    /// Of grains with tines.
+    pub tine: T,
+    /// Of grains with floor and walls, in the order of [`BOUNDARY_NAMES`].
+    pub boundary: [T; 5],
 }
 
-impl FrictionPlan {
-    /// Sets the friction of all contacts of a model.
-    fn apply(&self, model: &mut Model) {
-        model.grain_friction = self.grain;
-        for body in &mut model.driven {
-            body.friction = match body.role {
-                Role::Boundary => self.boundary[boundary_index(body)],
-                Role::Sleeper => self.sleeper,
-                Role::Tine => self.tine,
-            };
+/// Coulomb friction coefficients; 0 at a wall makes it a plane of symmetry.
+pub type FrictionPlan = PartnerValues<f64>;
+
+/// Stiffness of the contacts.
+pub type StiffnessPlan = PartnerValues<ContactStiffness>;
+
+impl<T: Copy> PartnerValues<T> {
+    /// Returns the value of the contacts of grains with a driven body.
+    fn of(&self, body: &DrivenBody) -> T {
+        match body.role {
+            Role::Boundary => {
+                let place = BOUNDARY_NAMES.iter().position(|name| *name == body.name);
+                self.boundary[place.unwrap_or(0)]
+            }
+            Role::Sleeper => self.sleeper,
+            Role::Tine => self.tine,
         }
     }
-}
-
-/// Returns the place of a boundary among [`BOUNDARY_NAMES`]; 0, the floor, for other bodies.
-fn boundary_index(body: &DrivenBody) -> usize {
-    BOUNDARY_NAMES.iter().position(|name| *name == body.name).unwrap_or(0)
-}
-
-/// Stiffness of the contacts of grains with each kind of partner.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct StiffnessPlan {
-    /// Between two grains.
-    pub grain: ContactStiffness,
-    /// Between grain and sleeper.
-    pub sleeper: ContactStiffness,
-    /// Between grain and tine.
-    pub tine: ContactStiffness,
-    /// Stiffness of floor and walls, in the order of [`BOUNDARY_NAMES`].
-    pub boundary: [ContactStiffness; 5],
 }
 
 impl StiffnessPlan {
     /// Sets the stiffness of all contacts of a model.
     pub(super) fn apply(&self, model: &mut Model) {
         model.grain_stiffness = self.grain;
-        for body in &mut model.driven {
-            body.stiffness = match body.role {
-                Role::Boundary => self.boundary[boundary_index(body)],
-                Role::Sleeper => self.sleeper,
-                Role::Tine => self.tine,
-            };
-        }
+        model.driven.iter_mut().for_each(|body| body.stiffness = self.of(body));
     }
 }
 
@@ -383,7 +365,9 @@ pub struct RunPlan {
 
 /// Sets friction, stiffness, restitution, stepping and solver of a model to those of the plan.
 pub(super) fn apply_run_settings(plan: &Plan, model: &mut Model) {
-    plan.bed.friction.apply(model);
+    let friction = &plan.bed.friction;
+    model.grain_friction = friction.grain;
+    model.driven.iter_mut().for_each(|body| body.friction = friction.of(body));
     plan.bed.stiffness.apply(model);
     model.restitution = plan.run.restitution;
     model.stepping = plan.run.stepping;

@@ -8,13 +8,16 @@ use ballast::model::{ContactStiffness, Schedule};
 
 /// Time steps at which closed forms must hold, ns.
 const STEPS_NS: [u64; 3] = [1_000_000, 500_000, 250_000];
-const NORMAL: f64 = 1e6;
+const NORMAL_STIFFNESS: f64 = 1e6;
 const TANGENTIAL_RATIO: f64 = 0.5;
 
 /// Makes all contacts springs.
 fn soften(scene: &mut Scene, damping_time: f64) {
-    let stiffness =
-        ContactStiffness { normal: NORMAL, tangential_ratio: TANGENTIAL_RATIO, damping_time };
+    let stiffness = ContactStiffness {
+        normal: NORMAL_STIFFNESS,
+        tangential_ratio: TANGENTIAL_RATIO,
+        damping_time,
+    };
     scene.model.grain_stiffness = stiffness;
     scene.model.driven.iter_mut().for_each(|body| body.stiffness = stiffness);
 }
@@ -44,9 +47,9 @@ fn a_stack_at_rest_overlaps_by_the_weight_over_the_stiffness() {
         for k in 0..count {
             // Four points carry what is above.
             let weight = scene.model.grains.mass[k..].iter().sum::<f64>() * GRAVITY;
-            let overlap = weight / (4.0 * NORMAL);
+            let overlap = weight / (4.0 * NORMAL_STIFFNESS);
             sunk += overlap;
-            elastic += 2.0 * NORMAL * overlap * overlap;
+            elastic += 2.0 * NORMAL_STIFFNESS * overlap * overlap;
             let found = edge * (k as f64 + 0.5) - scene.state.position[k].z;
             assert!(
                 (found - sunk).abs() < 1e-6 * sunk,
@@ -74,8 +77,8 @@ fn a_slab_on_a_slope_yields_along_it_and_stays() {
         let downhill = |p: &Vec3| p.dot(&Vec3::new(angle.cos(), 0.0, -angle.sin()));
         let force = scene.model.grains.mass[0] * GRAVITY * angle.sin();
         // The four tangential springs, and the rotation by the moment of friction at the base.
-        let way = force / (4.0 * NORMAL * TANGENTIAL_RATIO)
-            + force * height * height / (4.0 * NORMAL * half * half);
+        let way = force / (4.0 * NORMAL_STIFFNESS * TANGENTIAL_RATIO)
+            + force * height * height / (4.0 * NORMAL_STIFFNESS * half * half);
         let found = downhill(&scene.state.position[0]);
         assert!(
             (found - way).abs() < 1e-3 * way,
@@ -135,7 +138,7 @@ fn a_blow_keeps_momentum_and_gives_back_the_energy_as_steps_shrink() {
             assert!((a + b - Vec3::new(1.0, 0.4, 0.0)).norm() < 1e-9, "{schedule:?}: {a:?} {b:?}");
             // Four springs between two equal masses: of implicit steps, each costs half of ω h of the amplitude.
             let mass = scene.model.grains.mass[0];
-            let frequency = (4.0 * NORMAL * 2.0 / mass).sqrt();
+            let frequency = (4.0 * NORMAL_STIFFNESS * 2.0 / mass).sqrt();
             let step_loss = std::f64::consts::FRAC_PI_2 * frequency * step_ns as f64 * 1e-9;
             let restitution = b.x - a.x;
             lost.push(1.0 - restitution);

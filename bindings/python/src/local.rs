@@ -4,6 +4,7 @@ use crate::backend::{Backend, LastResult, WindowSpec};
 use crate::calls::CallState;
 use crate::errors;
 use crate::lock::lock;
+use crate::probe;
 use crate::result::PyWindowResult;
 use crate::state::{LocalState, PyState, StateStorage};
 use crate::threads::{TaskControl, ThreadPoolHandle, run_controlled};
@@ -217,18 +218,21 @@ impl LocalBackend {
         let _ = self.component.recover(Arc::clone(before));
     }
 
-    /// Runs a probe on model and state, which stay as they are.
+    /// Runs a probe of a sleeper (the first without a name) on model and state, which stay as they are.
     pub fn probe<T: Send>(
         &self,
         py: Python<'_>,
-        run: impl FnOnce(&Model, &state::State, &mut ProbeObserver<'_, '_>) -> Result<T, Refusal> + Send,
+        sleeper: Option<&str>,
+        run: impl FnOnce(&Model, &state::State, usize, &mut ProbeObserver<'_, '_>) -> Result<T, Refusal>
+        + Send,
     ) -> PyResult<T> {
         self.check_usable(py)?;
         self.context.threads.check_available(py)?;
         let control = TaskControl::new(self.calls.cancel.clone());
         let (model, state) = (self.component.model(), self.component.state());
+        let body = probe::find_sleeper(py, model, sleeper)?;
         let (probed, raised) = run_controlled(py, &self.context.threads, &control, |control| {
-            run(model, state, &mut ProbeObserver(control))
+            run(model, state, body, &mut ProbeObserver(control))
         })?;
         match (probed, raised) {
             (Ok(probed), None) => Ok(probed),

@@ -2,21 +2,14 @@
 
 use crate::arrays;
 use crate::errors;
-use ballast::component::{ProbePoint, PushCurve, StiffnessCurve, sleepers};
+use ballast::component::{self, ProbePoint, PushCurve, StiffnessCurve, sleepers};
 use ballast::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Displacement at which the force of a push is given, m.
-const PUSH_REFERENCE: f64 = 2e-3;
-
 /// Returns the number of a sleeper among the driven bodies; the first if no name is given.
 pub fn find_sleeper(py: Python<'_>, model: &Model, name: Option<&str>) -> PyResult<usize> {
-    let found = match name {
-        Some(name) => sleepers(model).find(|d| model.driven[*d].name == name),
-        None => sleepers(model).next(),
-    };
-    found.ok_or_else(|| {
+    component::find_sleeper(model, name).ok_or_else(|| {
         let known: Vec<&str> = sleepers(model).map(|d| &model.driven[d].name[..]).collect();
         let expected = format!("one of {known:?}");
         errors::request(py, "unknown_body", "sleeper", expected, name.unwrap_or("none"))
@@ -58,6 +51,6 @@ pub fn stiffness<'py>(py: Python<'py>, probed: &StiffnessCurve) -> PyResult<Boun
 pub fn push<'py>(py: Python<'py>, probed: &PushCurve) -> PyResult<Bound<'py, PyDict>> {
     let dict = curve(py, &probed.points, ["force", "displacement"])?;
     dict.set_item("weight", probed.weight)?;
-    dict.set_item("force_at_2_mm", probed.force_at(PUSH_REFERENCE))?;
+    dict.set_item("force_at_2_mm", probed.force_at(PushCurve::REFERENCE_DISPLACEMENT))?;
     Ok(dict)
 }

@@ -266,12 +266,12 @@ impl PySimulation {
         ramp: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
         let settings = StiffnessProbe { max_load, min_load, cycles, ramp };
-        self.with_local(py, "probe_stiffness", |local| {
-            let body = probe::find_sleeper(py, local.component().model(), sleeper)?;
-            let curve = local
-                .probe(py, |model, state, observer| settings.run(model, state, body, observer))?;
-            probe::stiffness(py, &curve)
-        })
+        let curve = self.with_local(py, "probe_stiffness", |local| {
+            local.probe(py, sleeper, |model, state, body, observer| {
+                settings.run(model, state, body, observer)
+            })
+        })?;
+        probe::stiffness(py, &curve)
     }
 
     #[doc = stub!("Simulation.probe_push")]
@@ -285,12 +285,12 @@ impl PySimulation {
         seating: f64,
     ) -> PyResult<Bound<'py, PyDict>> {
         let settings = PushProbe { displacement, speed, seating };
-        self.with_local(py, "probe_push", |local| {
-            let body = probe::find_sleeper(py, local.component().model(), sleeper)?;
-            let curve = local
-                .probe(py, |model, state, observer| settings.run(model, state, body, observer))?;
-            probe::push(py, &curve)
-        })
+        let curve = self.with_local(py, "probe_push", |local| {
+            local.probe(py, sleeper, |model, state, body, observer| {
+                settings.run(model, state, body, observer)
+            })
+        })?;
+        probe::push(py, &curve)
     }
 
     #[doc = stub!("Simulation.fork")]

@@ -160,7 +160,7 @@ impl CaseRun {
                 self.files.remove_end()?;
             }
             let share = ((step - self.first) as f64 / steps).min(1.0);
-            progress.advance(share, &self.mark(&report, &progress));
+            progress.advance(share, &self.progress_label(&report, &progress));
             if interrupt::requested() && step < last {
                 progress.finish();
                 return self.stop();
@@ -246,10 +246,10 @@ impl CaseRun {
         ended || (interval > 0 && state.time_ns.is_multiple_of(interval))
     }
 
-    fn mark(&self, report: &StepReport, progress: &ConsoleProgress) -> RunMark {
+    fn progress_label(&self, report: &StepReport, progress: &ConsoleProgress) -> RunProgressLabel {
         let state = self.run.state();
         let simulated = (state.step - self.first) as f64 * self.run.model().stepping.h();
-        RunMark {
+        RunProgressLabel {
             step: state.step,
             time: state.time(),
             phase: self.run.phase().name().to_string(),
@@ -464,7 +464,7 @@ pub fn warn_unless_repeatable(case: &Case, console: Console) {
 }
 
 /// Progress of a run after a step.
-struct RunMark {
+struct RunProgressLabel {
     step: u64,
     time: f64,
     phase: String,
@@ -475,7 +475,7 @@ struct RunMark {
     pace: f64,
 }
 
-impl ProgressLabel for RunMark {
+impl ProgressLabel for RunProgressLabel {
     fn text(&self) -> String {
         let Self { step, time, phase, contacts, iterations, residual, pace } = self;
         format!(

@@ -1,5 +1,7 @@
 //! Tests of files: equal bytes, truncated files, damaged files, files of other programs.
 
+mod common;
+
 use ballast_mcap::messages::MessageReader;
 use ballast_mcap::recording::{self, WindowReader};
 use ballast_mcap::{
@@ -200,17 +202,6 @@ fn changed_bytes_cause_no_panic() {
     assert!(noticed > 200, "checksums of chunks: {noticed}");
 }
 
-/// Returns the offsets of the records outside of chunks, up to the end of the data section.
-fn records(whole: &[u8]) -> Vec<usize> {
-    let mut at = mcap::MAGIC.len();
-    let mut begins = vec![];
-    while whole[at] != op::DATA_END {
-        begins.push(at);
-        at += 9 + u64::from_le_bytes(whole[at + 1..at + 9].try_into().unwrap()) as usize;
-    }
-    begins
-}
-
 /// Returns true if the reader reports damage, not truncation.
 fn is_damaged(path: &Path, bytes: &[u8]) -> bool {
     std::fs::write(path, bytes).unwrap();
@@ -225,7 +216,7 @@ fn a_changed_bit_of_kind_or_length_is_detected() {
     write(&path, Some(&meta()));
     let whole = std::fs::read(&path).unwrap();
     let broken = path.with_file_name("broken.mcap");
-    for begin in records(&whole) {
+    for begin in common::records(&whole).0 {
         for (at, bit) in (begin..begin + 9).flat_map(|at| (0..8).map(move |bit| (at, bit))) {
             let mut bytes = whole.clone();
             bytes[at] ^= 1 << bit;
@@ -241,7 +232,9 @@ fn a_recording_of_windows_may_have_a_long_attachment() {
     let whole = std::fs::read(&path).unwrap();
     let (name, length) = (b"video.mp4", 300_000_000_u64);
     let start = [&[0; 16][..], &(name.len() as u32).to_le_bytes(), name].concat();
-    for at in records(&whole).into_iter().skip(1).filter(|at| whole[*at] == op::CHUNK).take(2) {
+    for at in
+        common::records(&whole).0.into_iter().skip(1).filter(|at| whole[*at] == op::CHUNK).take(2)
+    {
         let mut file = std::fs::File::create(&path).unwrap();
         let head = [&[op::ATTACHMENT][..], &length.to_le_bytes(), &start].concat();
         file.write_all(&[&whole[..at], &head].concat()).unwrap();
@@ -266,7 +259,7 @@ fn a_missing_chunk_is_detected_without_checksums() {
         drop(writer);
         assert_eq!(read(&path).unwrap(), ((0..1000).collect(), None));
         let whole = std::fs::read(&path).unwrap();
-        let chunks = records(&whole).into_iter().filter(|at| whole[*at] == op::CHUNK);
+        let chunks = common::records(&whole).0.into_iter().filter(|at| whole[*at] == op::CHUNK);
         let chunk = chunks.collect::<Vec<_>>()[3];
         let broken = path.with_file_name("broken.mcap");
         // The last is a private kind.

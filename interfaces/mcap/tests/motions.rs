@@ -1,5 +1,7 @@
 //! Tests of motions in files of other programs: wrong clocks, static poses, unusable values, long records.
 
+mod common;
+
 use ballast_mcap::motion::{self, RecordedMotion, TimeSource};
 use ballast_mcap::{McapWriter, TopicMessage};
 use ballast_protocol::messages::{
@@ -347,17 +349,6 @@ fn other_forms_of_bags_are_named_with_their_conversion() {
     }
 }
 
-/// Offsets of the records outside of chunks, up to the end of the data section.
-fn records(whole: &[u8]) -> Vec<usize> {
-    let mut at = mcap::MAGIC.len();
-    let mut begins = vec![];
-    while whole[at] != op::DATA_END {
-        begins.push(at);
-        at += 9 + u64::from_le_bytes(whole[at + 1..at + 9].try_into().unwrap()) as usize;
-    }
-    [begins, vec![at]].concat()
-}
-
 /// A file with 100 poses, and a record of `length` bytes, most of them a hole, before byte `at` of the rest.
 fn with_long_record(path: &Path, whole: &[u8], at: usize, kind: u8, start: &[u8], length: u64) {
     let mut file = std::fs::File::create(path).unwrap();
@@ -397,7 +388,8 @@ fn long_records_that_are_not_needed_are_skipped() {
         writer.finish().unwrap();
         drop(writer);
         let whole = std::fs::read(&path).unwrap();
-        let begins = records(&whole);
+        let (mut begins, end) = common::records(&whole);
+        begins.push(end);
         // At the beginning, in the middle and at the end; an index of messages follows its chunk.
         let middle = begins[begins.len() / 2..].iter().find(|at| whole[**at] != op::MESSAGE_INDEX);
         for (kind, start) in &records_of {

@@ -32,7 +32,7 @@ const MERGE_DISTANCE: f64 = 1e-7;
 const TIE: f64 = 2.5e-10;
 
 /// Weight of open points beside overlapping ones where these carry forces of springs.
-const OPEN_WEIGHT: f64 = 1e-3;
+const OPEN_POINT_WEIGHT: f64 = 1e-3;
 
 /// Keeps at most [`MAX_POINTS`] of `points`, including the deepest, and leaves them sorted by feature.
 ///
@@ -63,7 +63,7 @@ pub fn keep_four(
     let deepest = points[place];
     let range = alert - deepest.gap.max(0.0);
     let (t, s) = crate::math::frame::tangents(n);
-    let open_weight = if hull.prefers_overlaps { OPEN_WEIGHT } else { 1.0 };
+    let open_weight = if hull.prefers_overlaps { OPEN_POINT_WEIGHT } else { 1.0 };
     let flat = |c: &ManifoldPoint| {
         let near = if range > 0.0 { ((alert - c.gap) / range).clamp(0.0, 1.0) } else { 1.0 };
         let weight = if c.gap < 0.0 { near } else { open_weight * near };

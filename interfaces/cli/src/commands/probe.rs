@@ -8,7 +8,8 @@ use crate::files::{check_writable, csv_text, replace_text};
 use crate::table::{TextTable, figure};
 use crate::{beds, interrupt};
 use ballast::component::{
-    ProbePoint, PushProbe, Refusal, StepObserver, StiffnessProbe, StopReason, sleepers,
+    ProbePoint, PushCurve, PushProbe, Refusal, StepObserver, StiffnessProbe, StopReason,
+    find_sleeper, sleepers,
 };
 use ballast::model::Model;
 use ballast::state::State;
@@ -18,9 +19,6 @@ use ballast_session::{Failure, ProgressLabel, ProgressMeter, Reporter, Result};
 use serde_json::{Value, json};
 use std::ops::ControlFlow;
 use std::path::Path;
-
-/// Displacement at which the force of a push is compared, m.
-const PUSH_REFERENCE: f64 = 2e-3;
 
 pub fn probe(command: ProbeCommand, console: Console) -> Result {
     interrupt::install()?;
@@ -70,7 +68,7 @@ fn push(args: &PushArgs, console: Console) -> Result {
     progress.meter.finish();
     write_curve(common.out.as_deref(), ["force_N", "displacement_m"], &curve.points)?;
     let largest = curve.points.iter().map(|p| p.force).fold(0.0, f64::max);
-    let at_reference = curve.force_at(PUSH_REFERENCE);
+    let at_reference = curve.force_at(PushCurve::REFERENCE_DISPLACEMENT);
     let title = format!("push of {} to {} mm", bed.name, figure(1e3 * displacement, 4));
     let mut table = TextTable::new(&title, ["force (N)", "force / weight"]);
     let mut row = |what: &str, force: Option<f64>| {
@@ -109,10 +107,7 @@ impl ProbedBed {
             let saved = checkpoint::read(ExpectedFile::Checkpoint.find(&args.from)?)?;
             (saved.model, saved.state)
         };
-        let sleeper = match &args.sleeper {
-            Some(name) => sleepers(&model).find(|d| model.driven[*d].name == *name),
-            None => sleepers(&model).next(),
-        };
+        let sleeper = find_sleeper(&model, args.sleeper.as_deref());
         let known: Vec<&str> = sleepers(&model).map(|d| &model.driven[d].name[..]).collect();
         let Some(sleeper) = sleeper else {
             let found = args.sleeper.as_deref().unwrap_or("none");
