@@ -149,13 +149,13 @@ pub fn classes_of_grading(curve: &[[f64; 2]]) -> Vec<SizeClass> {
 /// Values of the contacts of grains with each kind of partner.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PartnerValues<T> {
-    /// Of grains with grains.
+    /// Value between two grains.
     pub grain: T,
-    /// Of grains with sleepers.
+    /// Value between grain and sleeper.
     pub sleeper: T,
-    /// Of grains with tines.
+    /// Value between grain and tine.
     pub tine: T,
-    /// Of grains with floor and walls, in the order of [`BOUNDARY_NAMES`].
+    /// Values between grain and floor or wall, in the order of [`BOUNDARY_NAMES`].
     pub boundary: [T; 5],
 }
 
