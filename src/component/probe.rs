@@ -16,7 +16,7 @@ use crate::model::check::expect;
 use crate::model::{DofMode, Model, Mount, Part, Role};
 use crate::state::State;
 use crate::step::StepObserver;
-use crate::track::scene::release;
+use crate::track::scene::put_on_mount;
 use crate::track::sleeper::CONCRETE;
 use std::sync::Arc;
 
@@ -274,7 +274,7 @@ impl TestBench {
         let free = vertical_mount(&model, sleeper);
         match &mut model.driven[sleeper].mount {
             Some(mount) => *mount = free,
-            None => release(&mut model, &mut state, sleeper, free),
+            None => put_on_mount(&mut model, &mut state, sleeper, free),
         }
         let sleeper = model.driven_index(&name).unwrap_or(sleeper);
         // The time of the probe begins at 0, and nothing moves then.

@@ -1,6 +1,10 @@
 //! The tamping cycle of a case as a driver.
 
-use super::{Component, Driver, Interpolation, Knot, MotionInput, Refusal, Waveform, WindowInputs};
+use super::{
+    Component, Driver, Interpolation, Knot, LoadInput, LoadKnot, LoadWaveform, MotionInput,
+    Refusal, Waveform, WindowInputs,
+};
+use crate::drive::Load;
 use crate::math::{Pose, Vec3};
 use crate::model::Model;
 use crate::state::{DriverState, State};
@@ -59,7 +63,15 @@ impl Driver for TampingDriver {
             let body = model.driven[d].name.clone();
             motions.push(MotionInput { body, waveform, allow_jump: false });
         });
-        Ok(Some(WindowInputs { motions, loads: Vec::new() }))
+        let mut loads = Vec::new();
+        self.cycle.loads(model, now_ns, |d, load| {
+            let load = Load { force: Vec3::new(0.0, 0.0, -load), torque: Vec3::zeros() };
+            let knots =
+                vec![LoadKnot { time_ns: now_ns, load }, LoadKnot { time_ns: end_ns, load }];
+            let waveform = LoadWaveform { is_held: true, knots };
+            loads.push(LoadInput { body: model.driven[d].name.clone(), waveform });
+        });
+        Ok(Some(WindowInputs { motions, loads }))
     }
 
     fn observe(&mut self, model: &Model, state: &State, report: &StepReport) {

@@ -10,7 +10,9 @@
 //!    that the bed lies low then, what lacks is laid and settles, too;
 //! 3. *trim*: what lies above the fill level or sticks far out of it, or sits too deep in another
 //!    grain, is taken off; friction becomes that of the run;
-//! 4. *rest*: the run's own step.
+//! 4. *traffic*, where the plan has some: load cycles on the sleepers; bed and floor are moved up by the settlement;
+//! 5. *refill* after the traffic: the cribs are filled up again with the friction of the run;
+//! 6. *rest*: the run's own step.
 //!
 //! Stages 1 and 2 run with the low friction that makes beds dense, and with damped free fall.
 
@@ -21,6 +23,7 @@ use super::pour::{self, PlacedGrain, Templates};
 
 use super::settle::{BedBuilder, DepositProgress, DepositStage, Settling};
 use super::sleeper::{sleeper, sleeper_pose};
+use super::traffic;
 use crate::error::{Error, Result};
 use crate::geometry::{AxisBox, Clipper, Polyhedron};
 use crate::math::{Pose, Vec3};
@@ -52,8 +55,8 @@ pub const MAX_GRAINS: f64 = 2e7;
 /// Maximum penetration left in a bed, in mean grain sizes: a run would not remove it.
 const MAX_BED_PENETRATION: f64 = 0.05;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
-const REST_ITERATIONS: u32 = 500;
-const REST_TOLERANCE: f64 = 1.666e-4;
+pub(super) const REST_ITERATIONS: u32 = 500;
+pub(super) const REST_TOLERANCE: f64 = 1.666e-4;
 /// Overlap with a sleeper that counts as none, of the grain's volume.
 const TOUCH: f64 = 1e-9;
 
@@ -64,6 +67,8 @@ pub struct Bed {
     pub model: Model,
     /// State at rest.
     pub state: State,
+    /// Mean settlement of the sleepers at the end of each cycle of the traffic, m; empty without traffic.
+    pub settlements: Vec<f64>,
 }
 
 /// Prepares the bed of a plan; `None` if `watch`, called after each step, asks to stop.
@@ -79,17 +84,26 @@ pub fn deposit(
     let mut builder = empty_box(plan)?;
     let templates = Templates::generate(&plan.bed, &mut rng, &mut builder.model.shapes)?;
     check_count(plan, templates.mean_volume(&builder.model.shapes))?;
-    let mut site = Site { plan, templates, rng, builder, watch };
-    for stage in [Site::pour_below, Site::fill_cribs, Site::top_up, Site::trim, Site::rest] {
+    let mut site = Site { plan, templates, rng, builder, settlements: Vec::new(), watch };
+    let stages = [
+        Site::pour_below,
+        Site::fill_cribs,
+        Site::top_up,
+        Site::trim,
+        Site::carry_traffic,
+        Site::refill,
+        Site::rest,
+    ];
+    for stage in stages {
         if stage(&mut site)?.is_break() {
             return Ok(None);
         }
     }
-    let BedBuilder { model, mut state, .. } = site.builder;
+    let Site { builder: BedBuilder { model, mut state, .. }, settlements, .. } = site;
     state.step = 0;
     state.time_ns = 0;
     state.energy = EnergyLedger::default();
-    Ok(Some(Bed { model, state }))
+    Ok(Some(Bed { model, state, settlements }))
 }
 
 /// Returns the bed without grains: sleepers and boundaries before anything is poured.
@@ -100,7 +114,7 @@ pub fn empty_bed(plan: &Plan) -> Result<Bed> {
     check(plan)?;
     let mut builder = empty_box(plan)?;
     place_sleepers(plan, &mut builder)?;
-    Ok(Bed { model: builder.model, state: builder.state })
+    Ok(Bed { model: builder.model, state: builder.state, settlements: Vec::new() })
 }
 
 /// Bed under preparation.
@@ -109,6 +123,7 @@ struct Site<'a> {
     templates: Templates,
     rng: Pcg64,
     builder: BedBuilder,
+    settlements: Vec<f64>,
     watch: &'a mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
 }
 
@@ -147,6 +162,11 @@ impl Site<'_> {
 
     /// Stage 2, continued: tops up to the fill level.
     fn top_up(&mut self) -> Result<ControlFlow<()>> {
+        self.fill_up(&pouring(self.plan, DepositStage::Fill))
+    }
+
+    /// Lays what lacks up to the fill level, and settles it.
+    fn fill_up(&mut self, settling: &Settling) -> Result<ControlFlow<()>> {
         let (plan, bed) = (self.plan, &self.plan.bed);
         let (level, mean_size) = (bed.preparation.fill_level, bed.grains.mean_size());
         let mut before = f64::INFINITY;
@@ -163,7 +183,7 @@ impl Site<'_> {
             let volume = ASSUMED_COMPACTNESS * (lacking + 0.5 * mean_size * area);
             let laid = self.lay_where_it_fits(&mut height_map, volume);
             self.insert(&laid);
-            let settled = self.settle(&pouring(plan, DepositStage::Fill))?;
+            let settled = self.settle(settling)?;
             if settled.is_break() {
                 return Ok(settled);
             }
@@ -173,6 +193,13 @@ impl Site<'_> {
 
     /// Stage 3: the fill level, and the friction of the run.
     fn trim(&mut self) -> Result<ControlFlow<()>> {
+        let mut settling = pouring(self.plan, DepositStage::Trim);
+        settling.grain_friction = self.plan.bed.friction.grain;
+        self.trim_to_level(&settling)
+    }
+
+    /// Takes off what lies above the fill level or too deep in others, and settles the bed.
+    fn trim_to_level(&mut self, settling: &Settling) -> Result<ControlFlow<()>> {
         let (plan, builder) = (self.plan, &mut self.builder);
         let level = plan.bed.preparation.fill_level;
         let mean_size = plan.bed.grains.mean_size();
@@ -186,12 +213,30 @@ impl Site<'_> {
         builder.deny_deep(MAX_BED_PENETRATION * mean_size, &mut keep);
         builder.retain(&keep);
         apply_run_settings(plan, &mut builder.model);
-        let mut settling = pouring(plan, DepositStage::Trim);
-        settling.grain_friction = plan.bed.friction.grain;
-        self.settle(&settling)
+        self.settle(settling)
     }
 
-    /// Stage 4: the run's time step.
+    /// Stage 4: the traffic.
+    fn carry_traffic(&mut self) -> Result<ControlFlow<()>> {
+        let Some(load) = &self.plan.bed.traffic else { return Ok(ControlFlow::Continue(())) };
+        let (builder, settlements) = (&mut self.builder, &mut self.settlements);
+        traffic::carry_traffic(self.plan, load, builder, settlements, self.watch)
+    }
+
+    /// Stage 5: the cribs after the traffic.
+    fn refill(&mut self) -> Result<ControlFlow<()>> {
+        if self.plan.bed.traffic.is_none() {
+            return Ok(ControlFlow::Continue(()));
+        }
+        let mut settling = pouring(self.plan, DepositStage::Refill);
+        settling.grain_friction = self.plan.bed.friction.grain;
+        if self.fill_up(&settling)?.is_break() {
+            return Ok(ControlFlow::Break(()));
+        }
+        self.trim_to_level(&settling)
+    }
+
+    /// Stage 6: the run's time step.
     fn rest(&mut self) -> Result<ControlFlow<()>> {
         let plan = self.plan;
         let most = (MAX_REST_DURATION / plan.run.stepping.h()).ceil() as u64;
@@ -267,7 +312,7 @@ fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
 
 /// The solver of the preparation. It is not the run's: one bed serves runs of all solvers, and an
 /// asynchronous one would prepare another bed each time.
-fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
+pub(super) fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
     Solver {
         schedule: Schedule::Synchronous,
         max_iterations: iterations,
@@ -298,7 +343,8 @@ fn empty_box(plan: &Plan) -> Result<BedBuilder> {
         solver: plan.run.solver,
     };
     plan.bed.stiffness.apply(&mut model);
-    Ok(BedBuilder { model, state, workspace: Workspace::default() })
+    let has_traffic = plan.bed.traffic.is_some();
+    Ok(BedBuilder { model, state, workspace: Workspace::default(), has_traffic })
 }
 
 fn place_sleepers(plan: &Plan, builder: &mut BedBuilder) -> Result<()> {
@@ -399,6 +445,9 @@ fn check(plan: &Plan) -> Result<()> {
             &format!("a step in which free fall gains less than {FALL_SPEED} m/s"),
             format!("{} s", pouring_h(plan)),
         );
+    }
+    if let Some(load) = &bed.traffic {
+        traffic::check(plan, load)?;
     }
     for block in block_boxes(plan) {
         let inside = (0..2).all(|k| {

@@ -36,8 +36,12 @@ fn a_prepared_bed_is_the_same_for_the_same_plan_and_is_at_rest_at_its_levels() {
     let n = bed.model.grains.len();
     assert!(n > 80 && n < 200, "{n}");
     assert_eq!(bed, prepared(&plan), "the same plan gives the same bytes");
-    let mut builder =
-        BedBuilder { model: bed.model, state: bed.state, workspace: Workspace::default() };
+    let mut builder = BedBuilder {
+        model: bed.model,
+        state: bed.state,
+        workspace: Workspace::default(),
+        has_traffic: false,
+    };
     assert!(builder.mean_speed() < 0.03, "{}", builder.mean_speed());
     assert_eq!((builder.state.step, builder.state.time_ns), (0, 0));
     assert_eq!(builder.model.grain_friction, 1.0);
@@ -190,8 +194,12 @@ fn grains_that_pack_densely_fill_their_bed_all_the_same() {
     plan.bed.grains.classes = vec![SizeClass::of_size(0.03, 0.03), small];
     (plan.sleepers, plan.tines) = (vec![], vec![]);
     let bed = prepared(&plan);
-    let builder =
-        BedBuilder { model: bed.model, state: bed.state, workspace: Workspace::default() };
+    let builder = BedBuilder {
+        model: bed.model,
+        state: bed.state,
+        workspace: Workspace::default(),
+        has_traffic: false,
+    };
     let height_map = present_height_map(&plan, &builder).unwrap();
     let [lacking, area] = height_map.lacking(plan.bed.preparation.fill_level);
     assert!(lacking < 0.75 * plan.bed.grains.mean_size() * area, "{} m", lacking / area);

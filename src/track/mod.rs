@@ -18,6 +18,7 @@ pub mod tamping_cycle;
 #[cfg(test)]
 mod test_plan;
 pub mod tine;
+mod traffic;
 pub mod zones;
 
 pub use clearance::{MAX_PROTRUSION, ROUNDING_TOLERANCE, SweptArea, swept_area};

@@ -45,6 +45,8 @@ pub struct BedPlan {
     pub gravity: f64,
     /// Settings of pouring and settling.
     pub preparation: PreparationPlan,
+    /// Traffic over the bed after it has been poured; `None`: a bed that has carried nothing.
+    pub traffic: Option<TrafficPlan>,
 }
 
 /// Share of a prepared bed up to its fill level that is stone, sleepers and walls included; for estimates only.
@@ -206,6 +208,49 @@ pub struct PreparationPlan {
     pub max_settling: f64,
 }
 
+/// Traffic over a bed before the run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TrafficPlan {
+    /// Load on each sleeper; its number of cycles is the maximum.
+    pub load: LoadCycles,
+    /// Settlement of a cycle below which the traffic ends, m; 0: after all cycles.
+    pub settlement_limit: f64,
+}
+
+/// Vertical load cycles on each sleeper.
+///
+/// The load follows a cosine between its smallest and largest value; the first rise begins at zero, and after the last fall
+/// the smallest load is taken off.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LoadCycles {
+    /// Number of load cycles.
+    pub cycles: u32,
+    /// Largest load on a sleeper, downwards, N.
+    pub max_load: f64,
+    /// Smallest load between two cycles, downwards, N.
+    pub min_load: f64,
+    /// Number of cycles per second, Hz.
+    pub frequency: f64,
+}
+
+impl LoadCycles {
+    /// Returns the duration of all cycles, s.
+    pub fn duration(&self) -> f64 {
+        f64::from(self.cycles) / self.frequency
+    }
+
+    /// Returns the load at a time since the beginning of the first cycle (s), downwards, N; 0 before and after.
+    pub fn load(&self, time: f64) -> f64 {
+        let phase = time * self.frequency;
+        let last = f64::from(self.cycles);
+        if !(0.0..last).contains(&phase) {
+            return 0.0;
+        }
+        let low = if phase < 0.5 { 0.0 } else { self.min_load };
+        low + (self.max_load - low) * 0.5 * (1.0 - libm::cos(std::f64::consts::TAU * phase))
+    }
+}
+
 /// A sleeper of one or two blocks (twin-block).
 #[derive(Debug, Clone, PartialEq)]
 pub struct SleeperPlan {
@@ -249,7 +294,7 @@ pub struct TinePlan {
     pub mount: Option<Mount>,
 }
 
-/// The motion of the machine: lift, insertion, squeeze, hold, withdrawal.
+/// The motion of the machine: lift, insertion, squeeze, hold, withdrawal, release; then traffic.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TampingPlan {
     /// Start of the cycle, s.
@@ -266,6 +311,10 @@ pub struct TampingPlan {
     pub withdrawal: f64,
     /// Vibration of the tines.
     pub vibration: VibrationPlan,
+    /// Release of the lifted sleepers after the withdrawal; `None`: they stay lifted.
+    pub release: Option<ReleasePlan>,
+    /// Traffic over the tamped sleepers after the release.
+    pub traffic: Option<LoadCycles>,
 }
 
 impl TampingPlan {
@@ -274,8 +323,8 @@ impl TampingPlan {
         bed.preparation.ballast_depth + self.lift.height - self.insertion.depth
     }
 
-    /// Times of the run at which lift, insertion, squeeze, hold and withdrawal end, s.
-    pub fn ends(&self) -> [f64; 5] {
+    /// Times of the run at which lift, insertion, squeeze, hold, withdrawal, release and traffic end, s.
+    pub fn ends(&self) -> [f64; 7] {
         let mut end = self.start;
         [
             self.lift.duration,
@@ -283,6 +332,8 @@ impl TampingPlan {
             self.squeeze.duration,
             self.hold,
             self.withdrawal,
+            self.release.map_or(0.0, |r| r.duration),
+            self.traffic.map_or(0.0, |t| t.duration()),
         ]
         .map(|duration| {
             end += duration;
@@ -304,6 +355,15 @@ pub struct LiftPlan {
     pub height: f64,
     /// Time of the lift, s.
     pub duration: f64,
+}
+
+/// Release of the lifted sleepers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReleasePlan {
+    /// Time of the release, s.
+    pub duration: f64,
+    /// Height of the sleepers' guides after the release, above that before the lift, m.
+    pub height: f64,
 }
 
 /// Insertion of the tines into the ballast.

@@ -20,11 +20,11 @@ use std::sync::Arc;
 /// A bed that was prepared for other sleepers than the plan's, that holds the tines already, or that
 /// reaches up to them.
 pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
-    let Bed { mut model, mut state } = bed;
+    let Bed { mut model, mut state, .. } = bed;
     for s in &plan.sleepers {
         let index = check_sleeper(plan, s, &model, &state)?;
         if let Some(mount) = s.mount {
-            release(&mut model, &mut state, index, mount);
+            put_on_mount(&mut model, &mut state, index, mount);
         }
     }
     for t in &plan.tines {
@@ -49,7 +49,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
 }
 
 /// Puts driven body `d`, which stands still, on a mount: behind the other mounted ones.
-pub(crate) fn release(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
+pub(crate) fn put_on_mount(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
     let (first, ng) = (model.mounted_count(), model.grains.len());
     model.driven[d].mount = Some(mount);
     model.driven[first..=d].rotate_right(1);
@@ -63,6 +63,24 @@ pub(crate) fn release(model: &mut Model, state: &mut State, d: usize, mount: Mou
         _ if !bodies.contains(&b) => b,
         _ if b == ng + d => ng + first,
         _ => b + 1,
+    });
+}
+
+/// Takes the first mounted body off its mount and puts it, standing still, behind all driven bodies.
+pub(super) fn take_off_mount(model: &mut Model, state: &mut State) {
+    let (ng, last) = (model.grains.len(), model.body_count() - 1);
+    model.driven[0].mount = None;
+    model.driven.rotate_left(1);
+    state.position[ng..].rotate_left(1);
+    state.orientation[ng..].rotate_left(1);
+    state.velocity[ng..].rotate_left(1);
+    state.angular_velocity[ng..].rotate_left(1);
+    state.velocity[last] = Vec3::zeros();
+    state.mount.remove(0);
+    state.contacts.renumber(|b| match b {
+        _ if b < ng => b,
+        _ if b == ng => last,
+        _ => b - 1,
     });
 }
 

@@ -23,6 +23,10 @@ pub enum DepositStage {
     Fill,
     /// Removes grains above the fill level and settles with the friction of the run.
     Trim,
+    /// Loads the sleepers as traffic does.
+    Traffic,
+    /// Fills up the cribs after the traffic.
+    Refill,
     /// Settles with the time step of the run.
     Rest,
 }
@@ -34,6 +38,8 @@ impl DepositStage {
             DepositStage::Pour => "pour",
             DepositStage::Fill => "fill",
             DepositStage::Trim => "trim",
+            DepositStage::Traffic => "traffic",
+            DepositStage::Refill => "refill",
             DepositStage::Rest => "rest",
         }
     }
@@ -44,6 +50,8 @@ impl DepositStage {
 pub struct DepositProgress {
     /// Stage of the preparation.
     pub stage: DepositStage,
+    /// True if the preparation has a stage of traffic.
+    pub has_traffic: bool,
     /// Number of steps of the stage so far.
     pub step: u64,
     /// Number of steps before which the stage does not end.
@@ -83,6 +91,8 @@ pub(super) struct BedBuilder {
     pub model: Model,
     pub state: State,
     pub workspace: Workspace,
+    /// True if the plan has traffic.
+    pub has_traffic: bool,
 }
 
 impl BedBuilder {
@@ -92,14 +102,7 @@ impl BedBuilder {
         settling: &Settling,
         watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
     ) -> Result<ControlFlow<()>> {
-        if !self.model.is_rigid() {
-            // The springs keep their forces through a change of the time step.
-            let factor = settling.stepping.h() / self.model.stepping.h();
-            self.state.contacts.impulse.iter_mut().for_each(|r| *r *= factor);
-        }
-        self.model.stepping = settling.stepping;
-        self.model.solver = settling.solver;
-        self.model.grain_friction = settling.grain_friction;
+        self.adopt(settling);
         let g = self.model.gravity.norm();
         let keep = settling.fall_speed.map_or(1.0, |v| 1.0 - g * settling.stepping.h() / v);
         let targets = self.state.driven_poses(&self.model);
@@ -122,7 +125,19 @@ impl BedBuilder {
         Ok(ControlFlow::Continue(()))
     }
 
-    fn progress(
+    /// Sets stepping, solver and friction between grains to those of a stage.
+    pub fn adopt(&mut self, settling: &Settling) {
+        if !self.model.is_rigid() {
+            // The springs keep their forces through a change of the time step.
+            let factor = settling.stepping.h() / self.model.stepping.h();
+            self.state.contacts.impulse.iter_mut().for_each(|r| *r *= factor);
+        }
+        self.model.stepping = settling.stepping;
+        self.model.solver = settling.solver;
+        self.model.grain_friction = settling.grain_friction;
+    }
+
+    pub fn progress(
         &self,
         settling: &Settling,
         step: u64,
@@ -131,6 +146,7 @@ impl BedBuilder {
     ) -> DepositProgress {
         DepositProgress {
             stage: settling.stage,
+            has_traffic: self.has_traffic,
             step,
             least_steps: settling.steps[0],
             most_steps: settling.steps[1],
@@ -215,10 +231,11 @@ impl BedBuilder {
     fn check_inside(&self) -> Result<()> {
         for b in 0..self.model.grains.len() {
             let p = self.state.position[b];
-            let walls = self.model.driven.iter().flat_map(|d| d.parts.iter().map(move |q| (d, q)));
-            for (wall, part) in walls {
+            let walls = self.model.driven.iter().enumerate();
+            for (d, wall, part) in walls.flat_map(|(d, w)| w.parts.iter().map(move |q| (d, w, q))) {
                 let crate::model::Part::HalfSpace { normal, offset } = part else { continue };
-                let height = normal.dot(&p) - offset;
+                let origin = self.state.position[self.model.grains.len() + d];
+                let height = normal.dot(&(p - origin)) - offset;
                 // Written so that a position that is not a number is found as well.
                 if !(height > 0.0) {
                     return Err(Error::State {

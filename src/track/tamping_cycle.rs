@@ -1,4 +1,4 @@
-//! The machine's motion: lift, insertion, squeeze, hold, withdrawal with release.
+//! The machine's motion: lift, insertion, squeeze, hold, withdrawal, release of the sleepers; then traffic.
 //!
 //! Reads: plan, model, state; reactions of the tines. Writes: targets of the driven bodies, and the
 //! [`TampingState`].
@@ -10,10 +10,11 @@ use super::machine_control::{MachineControl, TampingState, TinePair, tine_index}
 use super::motion_law::{smooth_step, travel};
 use crate::error::{Error, Result};
 use crate::math::{Pose, Vec3};
-use crate::model::Model;
+use crate::model::check::expect;
+use crate::model::{DofMode, Model};
 use crate::state::{DriverState, State};
 use crate::step::StepReport;
-use crate::track::plan::{Plan, TampingPlan};
+use crate::track::plan::{LoadCycles, Plan, SleeperPlan, TampingPlan};
 
 /// Vibration periods over which the amplitude grows, and dies away again.
 const FADE_PERIODS: f64 = 3.0;
@@ -37,19 +38,25 @@ pub enum TampingPhase {
     Hold,
     /// Opening and raising of the tines.
     Withdrawal,
+    /// Lowering of the tamped sleepers onto the ballast.
+    Release,
+    /// Load cycles on the tamped sleepers.
+    Traffic,
     /// After the cycle, or no tamping at all.
     Done,
 }
 
 impl TampingPhase {
     /// All phases in the order of the cycle; in files a phase's number is its place among them.
-    pub const ALL: [TampingPhase; 7] = [
+    pub const ALL: [TampingPhase; 9] = [
         TampingPhase::Waiting,
         TampingPhase::Lift,
         TampingPhase::Insertion,
         TampingPhase::Squeeze,
         TampingPhase::Hold,
         TampingPhase::Withdrawal,
+        TampingPhase::Release,
+        TampingPhase::Traffic,
         TampingPhase::Done,
     ];
 
@@ -62,6 +69,8 @@ impl TampingPhase {
             TampingPhase::Squeeze => "squeeze",
             TampingPhase::Hold => "hold",
             TampingPhase::Withdrawal => "withdrawal",
+            TampingPhase::Release => "release",
+            TampingPhase::Traffic => "traffic",
             TampingPhase::Done => "done",
         }
     }
@@ -82,8 +91,8 @@ pub struct TampingCycle {
 #[derive(Debug, Clone, PartialEq)]
 struct Machine {
     plan: TampingPlan,
-    /// Ends of lift, insertion, squeeze, hold and withdrawal, s.
-    ends: [f64; 5],
+    /// Ends of lift, insertion, squeeze, hold, withdrawal, release and traffic, s.
+    ends: [f64; 7],
     sleepers: Vec<Lifted>,
     tines: Vec<TinePath>,
     control: MachineControl,
@@ -185,6 +194,17 @@ impl TampingCycle {
         }
     }
 
+    /// Calls `set` for each sleeper that carries traffic in the step that starts at `time_ns`, with its index among the
+    /// driven bodies and its load (N, downwards).
+    pub fn loads(&self, model: &Model, time_ns: u64, mut set: impl FnMut(usize, f64)) {
+        let Some(machine) = &self.machine else { return };
+        let Some(traffic) = &machine.plan.traffic else { return };
+        let load = traffic.load(clock(time_ns + model.stepping.step_ns / 2) - machine.ends[5]);
+        if load > 0.0 {
+            machine.sleepers.iter().for_each(|sleeper| set(sleeper.body, load));
+        }
+    }
+
     /// Takes the reactions of the step that has just led to `state` into the state of the cycle.
     pub fn observe(
         &self,
@@ -239,7 +259,7 @@ impl TampingCycle {
 
     /// Time of the run at which the cycle is over, s; 0 without tamping.
     pub fn duration(&self) -> f64 {
-        self.machine.as_ref().map_or(0.0, |m| m.ends[4])
+        self.machine.as_ref().map_or(0.0, |m| m.ends[6])
     }
 
     /// The ways of the tines; none without tamping.
@@ -277,7 +297,9 @@ fn clock(time_ns: u64) -> f64 {
 impl Machine {
     /// Lift of the tamped sleepers, m.
     fn lift(&self, t: f64) -> f64 {
-        self.plan.lift.height * ramp(t, self.plan.start, self.plan.lift.duration)
+        let lifted = self.plan.lift.height * ramp(t, self.plan.start, self.plan.lift.duration);
+        let Some(release) = self.plan.release else { return lifted };
+        lifted + (release.height - lifted) * ramp(t, self.ends[4], release.duration)
     }
 
     /// Closing of each side after `squeezed` seconds of squeezing, m.
@@ -309,7 +331,7 @@ impl Machine {
     /// Displacement by vibration along the tine's direction, m; facing rows have opposite
     /// directions, so they move in opposition.
     fn vibration(&self, t: f64) -> f64 {
-        let [begin, inserted, _, held, end] = self.ends;
+        let [begin, inserted, _, held, end, ..] = self.ends;
         if t <= begin || t >= end {
             return 0.0;
         }
@@ -367,15 +389,30 @@ pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 
 
 fn lifted_sleepers(plan: &Plan, model: &Model) -> Result<Vec<Lifted>> {
     let depth = plan.bed.preparation.ballast_depth;
-    let lifted = |s: &crate::track::plan::SleeperPlan| {
+    let lifted = |s: &SleeperPlan| {
         let body = model.driven_index(&s.name).ok_or_else(|| Error::Model {
             place: format!("sleeper {:?}", s.name),
             expected: "a driven body of this name".into(),
             found: "none".into(),
         })?;
+        check_loadable(plan, s, model, body)?;
         Ok(Lifted { body, rest: Vec3::new(s.centre[0], s.centre[1], depth) })
     };
     plan.sleepers.iter().filter(|s| s.tamped).map(lifted).collect()
+}
+
+/// Refuses traffic over a sleeper that no load can move.
+fn check_loadable(plan: &Plan, s: &SleeperPlan, model: &Model, body: usize) -> Result<()> {
+    let vertical = model.driven[body].mount.map(|mount| mount.dof_modes[2]);
+    let moves = vertical.is_some_and(|mode| mode != DofMode::Prescribed);
+    if moves || plan.tamping.is_none_or(|tamping| tamping.traffic.is_none()) {
+        return Ok(());
+    }
+    Err(Error::Model {
+        place: format!("sleeper {:?}", s.name),
+        expected: "a mount that is free or has a spring in z, to carry traffic".into(),
+        found: "a sleeper whose vertical motion is prescribed".into(),
+    })
 }
 
 fn check_numbers(plan: &TampingPlan) -> Result<()> {
@@ -400,6 +437,13 @@ fn check_numbers(plan: &TampingPlan) -> Result<()> {
     at_least("withdrawal", plan.withdrawal, 0.0, true)?;
     at_least("vibration.frequency", plan.vibration.frequency, 0.0, false)?;
     at_least("vibration.amplitude", plan.vibration.amplitude, 0.0, false)?;
+    if let Some(release) = plan.release {
+        at_least("release.duration", release.duration, 0.0, true)?;
+        at_least("release.height", release.height, f64::MIN, false)?;
+    }
+    if let Some(traffic) = &plan.traffic {
+        check_load_cycles(traffic, "tamping.traffic")?;
+    }
     let limits = [("insertion", plan.insertion.force_limit), ("squeeze", plan.squeeze.force_limit)];
     for (phase, limit) in limits {
         if !(limit > 0.0) {
@@ -411,6 +455,18 @@ fn check_numbers(plan: &TampingPlan) -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// Refuses load cycles with a number out of range; `place` is their place in the plan.
+pub(super) fn check_load_cycles(load: &LoadCycles, place: &str) -> Result<()> {
+    let LoadCycles { cycles, max_load, min_load, frequency } = *load;
+    let positive = |x: f64| x.is_finite() && x > 0.0;
+    expect(cycles > 0, &format!("{place}.cycles"), "1 or more", cycles)?;
+    expect(positive(max_load), &format!("{place}.max_load"), "more than 0 N", max_load)?;
+    let expected = "0 N or more, below the largest load";
+    let valid = (0.0..max_load).contains(&min_load);
+    expect(valid, &format!("{place}.min_load"), expected, min_load)?;
+    expect(positive(frequency), &format!("{place}.frequency"), "more than 0 Hz", frequency)
 }
 
 /// Refuses time steps that are too long for the period of the vibration.

@@ -3,6 +3,7 @@ use crate::model::{ContactStiffness, Role};
 use crate::state::DriverState;
 use crate::step::Reaction;
 use crate::track::TampingState;
+use crate::track::plan::ReleasePlan;
 use crate::track::test_plan::small_plan as plan;
 use crate::track::{sleeper::sleeper, tine::tine};
 use std::sync::Arc;
@@ -325,4 +326,54 @@ fn without_tamping_nothing_moves() {
     }
     assert_eq!(cycle.duration(), 0.0);
     assert_eq!(cycle.phase(0.0), TampingPhase::Done);
+}
+
+#[test]
+fn sleepers_are_released_and_loaded_after_the_withdrawal() {
+    let mut plan = plan();
+    let load = LoadCycles { cycles: 2, max_load: 10e3, min_load: 1e3, frequency: 5.0 };
+    let tamping = plan.tamping.as_mut().unwrap();
+    tamping.release = Some(ReleasePlan { duration: 0.1, height: 0.005 });
+    tamping.traffic = Some(load);
+    assert!((tamping.ends()[6] - 2.5).abs() < 1e-12);
+    let (mut model, state) = model(&plan);
+    let refused = TampingCycle::new(&plan, &model).unwrap_err().to_string();
+    assert!(refused.contains("sleeper") && refused.contains("mount"), "{refused}");
+    let mut modes = [DofMode::Prescribed; 6];
+    modes[2] = DofMode::Spring { stiffness: 1e6, damping: 0.0 };
+    let sleeper = plan.sleepers[0].clone();
+    let body = model.driven_index(&sleeper.name).unwrap();
+    model.driven[body].mount = Some(crate::track::sleeper_mount(&sleeper.blocks, None, modes));
+    let cycle = TampingCycle::new(&plan, &model).unwrap();
+    for (time, phase) in [
+        (1.99, TampingPhase::Withdrawal),
+        (2.05, TampingPhase::Release),
+        (2.2, TampingPhase::Traffic),
+        (2.5, TampingPhase::Done),
+    ] {
+        assert_eq!(cycle.phase(time), phase, "{time}");
+    }
+    let step = model.stepping.step_ns;
+    let ns = |time: f64| (time * 1e9) as u64;
+    let height = |time: f64| {
+        let mut height = f64::NAN;
+        cycle.positions(&model, ns(time) - step, &decoded(&cycle, &state), |d, position| {
+            height = if d == body { position.z - 0.28 } else { height };
+        });
+        height
+    };
+    assert!((height(2.0) - 0.02).abs() < 1e-12, "{}", height(2.0));
+    assert!((height(2.05) - 0.0125).abs() < 1e-12, "{}", height(2.05));
+    assert!((height(2.3) - 0.005).abs() < 1e-12, "{}", height(2.3));
+    let loaded = |time: f64| {
+        let mut found = 0.0;
+        cycle.loads(&model, ns(time) - step / 2, |d, load| {
+            assert_eq!(d, body);
+            found = load;
+        });
+        found
+    };
+    assert_eq!([loaded(2.05), loaded(2.6)], [0.0; 2]);
+    assert!((loaded(2.2) - 10e3).abs() < 1e-3, "{}", loaded(2.2));
+    assert!((loaded(2.3) - 1e3).abs() < 1e-3, "{}", loaded(2.3));
 }

@@ -44,6 +44,7 @@ pub fn small_plan() -> Plan {
                 rest_speed: 5e-3,
                 max_settling: 0.5,
             },
+            traffic: None,
         },
         sleepers: vec![SleeperPlan {
             name: "sleeper".into(),
@@ -66,6 +67,8 @@ pub fn small_plan() -> Plan {
             hold: 0.1,
             withdrawal: 0.4,
             vibration: VibrationPlan { frequency: 35.0, amplitude: 0.005 },
+            release: None,
+            traffic: None,
         }),
         run: RunPlan {
             stepping: Stepping { step_ns: 200_000, theta: 0.5, detection_distance: 2e-3 },

@@ -93,7 +93,8 @@ impl BedStore {
                 format!("the {} of {:?}, bed {}", stored.kind.name(), stored.case_name, stored.key);
             return Err(Error::Mismatch { path, found });
         }
-        Ok(Some(Bed { model: stored.model, state: stored.state }))
+        let settlements = settlements(&stored.extra);
+        Ok(Some(Bed { model: stored.model, state: stored.state, settlements }))
     }
 
     /// Prepares the bed of a case and writes it. `watch` receives every step and may stop the preparation; the result is
@@ -110,9 +111,13 @@ impl BedStore {
         self.create_folder(&case.plan)?;
         let failed = |source| Error::Preparation { case: case.plan.name.clone(), source };
         let Some(bed) = track::deposit(&case.plan, watch).map_err(failed)? else { return Ok(None) };
-        let bed = case.checkpoint_of(Kind::Bed, bed.model, bed.state, BTreeMap::new());
+        let settlements = bed.settlements;
+        let written: Vec<String> = settlements.iter().map(f64::to_string).collect();
+        let notes = BTreeMap::from([(SETTLEMENTS.to_owned(), written.join(" "))]);
+        let notes = if settlements.is_empty() { BTreeMap::new() } else { notes };
+        let bed = case.checkpoint_of(Kind::Bed, bed.model, bed.state, notes);
         checkpoint::write(self.path(&case.plan), &bed).map_err(Error::Write)?;
-        Ok(Some(Bed { model: bed.model, state: bed.state }))
+        Ok(Some(Bed { model: bed.model, state: bed.state, settlements }))
     }
 
     /// Creates the folder and checks that the bed of `plan` can be written there.
@@ -124,6 +129,15 @@ impl BedStore {
         let writable = created.and_then(|()| ballast_hdf5::replaceable(&self.path(plan)));
         writable.map_err(|source| Error::Folder { path: self.folder.clone(), source })
     }
+}
+
+/// Note of a stored bed with the settlements of its traffic, m.
+const SETTLEMENTS: &str = "traffic_settlements_m";
+
+/// Returns the settlements of the traffic from the notes of a stored bed, m; none if there was no traffic.
+pub fn settlements(notes: &BTreeMap<String, String>) -> Vec<f64> {
+    let values = notes.get(SETTLEMENTS).map_or("", String::as_str).split(' ');
+    values.filter_map(|value| value.parse().ok()).collect()
 }
 
 /// Returns model and state at the start of a plan's run on `bed`.

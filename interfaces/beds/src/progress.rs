@@ -10,6 +10,15 @@ const STAGES: [(DepositStage, f64); 4] = [
     (DepositStage::Trim, 0.1),
     (DepositStage::Rest, 0.1),
 ];
+/// The same with traffic over the bed.
+const STAGES_WITH_TRAFFIC: [(DepositStage, f64); 6] = [
+    (DepositStage::Pour, 0.1),
+    (DepositStage::Fill, 0.15),
+    (DepositStage::Trim, 0.05),
+    (DepositStage::Traffic, 0.6),
+    (DepositStage::Refill, 0.08),
+    (DepositStage::Rest, 0.02),
+];
 /// Fraction of a stage that the fall of its grains counts for.
 const FALL_FRACTION: f64 = 0.3;
 /// Fraction of a stage's maximum steps that the fall usually takes.
@@ -47,13 +56,18 @@ impl PreparationProgress {
         let confidence = (done.step as f64 / done.least_steps.max(1) as f64).min(1.0);
         let fallen = FALL_FRACTION * (steps / FALL_STEPS).min(1.0);
         let settled = (1.0 - FALL_FRACTION) * decay.clamp(0.0, 1.0) * confidence;
-        self.within = self.within.max(fallen + settled).max(steps).min(1.0);
+        let settled = if done.stage == DepositStage::Traffic { steps } else { fallen + settled };
+        self.within = self.within.max(settled).max(steps).min(1.0);
         let finished = |(stage, fraction): (DepositStage, f64)| match stage.cmp(&done.stage) {
             Ordering::Less => fraction,
             Ordering::Equal => fraction * self.within,
             Ordering::Greater => 0.0,
         };
-        STAGES.map(finished).iter().sum()
+        if done.has_traffic {
+            STAGES_WITH_TRAFFIC.map(finished).iter().sum()
+        } else {
+            STAGES.map(finished).iter().sum()
+        }
     }
 }
 
@@ -64,6 +78,7 @@ mod tests {
     fn progress_at(stage: DepositStage, step: u64, mean_speed: f64) -> DepositProgress {
         DepositProgress {
             stage,
+            has_traffic: false,
             step,
             least_steps: 50,
             most_steps: 2000,

@@ -7,8 +7,8 @@
 use ballast::geometry::GrainShape;
 use ballast::model::{ContactStiffness, Stepping};
 use ballast::track::plan::{
-    BedPlan, BlockPlan, FrictionPlan, GrainPlan, Plan, PreparationPlan, RunPlan, SieveFraction,
-    SizeClass, SleeperPlan, StiffnessPlan,
+    BedPlan, BlockPlan, FrictionPlan, GrainPlan, LoadCycles, Plan, PreparationPlan, RunPlan,
+    SieveFraction, SizeClass, SleeperPlan, StiffnessPlan, TrafficPlan,
 };
 
 /// Version of the preparation, raised when the same plan gives another bed: old keys then match no bed.
@@ -27,6 +27,9 @@ pub fn content_key(plan: &Plan) -> String {
         hasher.sleeper(sleeper);
     }
     hasher.run(&plan.run);
+    if let Some(traffic) = &plan.bed.traffic {
+        hasher.traffic(traffic, &plan.sleepers);
+    }
     format!("{:032x}", hasher.hash)
 }
 
@@ -65,8 +68,17 @@ impl ContentHasher {
     // The patterns list every field, so that a new one cannot be forgotten here.
 
     fn bed(&mut self, bed: &BedPlan) {
-        let BedPlan { size, seed, density, grains, friction, stiffness, gravity, preparation } =
-            bed;
+        let BedPlan {
+            size,
+            seed,
+            density,
+            grains,
+            friction,
+            stiffness,
+            gravity,
+            preparation,
+            traffic: _,
+        } = bed;
         self.numbers(size.iter());
         self.integer(*seed);
         self.numbers([density, gravity]);
@@ -130,6 +142,17 @@ impl ContentHasher {
         self.numbers([ballast_depth, fill_level, friction, rest_speed, max_settling]);
         self.integer(*step_ns);
         self.integer(u64::from(*iterations));
+    }
+
+    /// Hashes the traffic over the bed and the masses of the sleepers that it moves.
+    fn traffic(&mut self, traffic: &TrafficPlan, sleepers: &[SleeperPlan]) {
+        let TrafficPlan { load, settlement_limit } = traffic;
+        let LoadCycles { cycles, max_load, min_load, frequency } = load;
+        self.integer(u64::from(*cycles));
+        self.numbers([max_load, min_load, frequency, settlement_limit]);
+        for sleeper in sleepers {
+            self.number(sleeper.mount.map_or(0.0, |mount| mount.mass));
+        }
     }
 
     fn run(&mut self, run: &RunPlan) {

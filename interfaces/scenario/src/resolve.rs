@@ -8,8 +8,9 @@ use ballast::geometry::GrainShape;
 use ballast::math::Vec3;
 use ballast::model::ContactStiffness;
 use ballast::track::plan::{
-    BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, Plan, PreparationPlan, RunPlan,
-    SizeClass, SqueezePlan, StiffnessPlan, TampingPlan, VibrationPlan, classes_of_grading,
+    BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, LoadCycles, Plan, PreparationPlan,
+    ReleasePlan, RunPlan, SizeClass, SqueezePlan, StiffnessPlan, TampingPlan, TrafficPlan,
+    VibrationPlan, classes_of_grading,
 };
 
 /// Converts `case` to a plan, which is valid only if `report` has no error afterwards.
@@ -53,6 +54,7 @@ fn bed(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) -> BedPl
         stiffness: stiffness(&bed.stiffness, &bed.walls),
         gravity: bed.gravity_m_per_s2,
         preparation: preparation(bed, layout, report),
+        traffic: bed.traffic.as_ref().map(traffic),
     }
 }
 
@@ -117,7 +119,28 @@ fn preparation(
     }
 }
 
+fn traffic(traffic: &case_file::TrafficSection) -> TrafficPlan {
+    let case_file::TrafficSection { cycles, max_load, min_load, frequency, settlement_limit_m } =
+        *traffic;
+    TrafficPlan {
+        load: LoadCycles { cycles, max_load, min_load, frequency },
+        settlement_limit: settlement_limit_m,
+    }
+}
+
+fn load_cycles(load: &case_file::LoadCyclesSection) -> LoadCycles {
+    let case_file::LoadCyclesSection { cycles, max_load, min_load, frequency } = *load;
+    LoadCycles { cycles, max_load, min_load, frequency }
+}
+
 fn tamping(tamping: &case_file::TampingSection, run: &RunPlan) -> TampingPlan {
+    let release = tamping.release.map(|r| ReleasePlan {
+        duration: r.duration_s,
+        height: r.height_m.unwrap_or(tamping.lift.height_m),
+    });
+    let traffic = tamping.traffic.as_ref().map(load_cycles);
+    let after_withdrawal =
+        release.map_or(0.0, |r| r.duration) + traffic.map_or(0.0, |t| t.duration());
     let withdrawal_start = tamping.start_s
         + tamping.lift.duration_s
         + tamping.insertion.duration_s
@@ -140,10 +163,12 @@ fn tamping(tamping: &case_file::TampingSection, run: &RunPlan) -> TampingPlan {
         hold: tamping.hold_s,
         withdrawal: tamping
             .withdrawal_s
-            .unwrap_or(run.duration_ns as f64 * 1e-9 - withdrawal_start),
+            .unwrap_or(run.duration_ns as f64 * 1e-9 - withdrawal_start - after_withdrawal),
         vibration: VibrationPlan {
             frequency: tamping.vibration.frequency,
             amplitude: tamping.vibration.amplitude_m,
         },
+        release,
+        traffic,
     }
 }

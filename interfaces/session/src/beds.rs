@@ -4,6 +4,7 @@ use crate::ProgressLabel;
 use crate::Reporter;
 use crate::case::Case;
 use crate::interrupt;
+use crate::quantities::Quantity;
 use crate::stones::{stones_json, stones_text};
 use crate::table::duration;
 use crate::{Failure, Result};
@@ -28,9 +29,26 @@ pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) 
         console.result(&stones_text(&stones));
         console.event("stones", stones_json(&stones));
     }
+    if let Some(traffic) = traffic_text(&bed.settlements) {
+        console.result(&traffic);
+        console.event("traffic", json!({ (Quantity::TrafficSettlement.key()): bed.settlements }));
+    }
     let verb = if prepared { "prepared" } else { "already there" };
     console.result(&format!("{verb}: {}", beds.path(&case.plan).display()));
     Ok(())
+}
+
+/// Returns a line with the settlements of the traffic over a bed; `None` without traffic.
+pub fn traffic_text(settlements: &[f64]) -> Option<String> {
+    let all = settlements.last()?;
+    let before = settlements.iter().rev().nth(1).copied().unwrap_or(0.0);
+    Some(format!(
+        "{}: {:.1} mm in {} load cycles, {:.2} mm in the last",
+        Quantity::TrafficSettlement.label(),
+        1e3 * all,
+        settlements.len(),
+        1e3 * (all - before)
+    ))
 }
 
 /// Returns model and state at the start of a run; prepares the bed if necessary.

@@ -97,6 +97,7 @@ quantities! {
     TargetDepthZ: "", "BODY.target_depth_z_m", "target depth z (m)", "m", "Tine.full_depth_z", "Height of the reference point at full depth according to the case.";
     TargetClosing: "", "BODY.target_closing_m", "target closing (m)", "m", "", "Closing in the squeeze according to the case.";
     MaxClosing: "", "BODY.max_closing_m", "max closing (m)", "m", "", "Largest closing in the squeeze.";
+    TrafficSettlement: "", "BODY.traffic_settlement_m", "settlement under traffic", "m", "", "Settlement of a sleeper at the end of each load cycle after tamping, a list.";
     TinesBelowTargetDepth: "", "", "tines above target depth", "", "", "Number of tines that did not reach the target depth.";
     TinesBelowTargetClosing: "", "", "tines below target closing", "", "", "Number of tines that did not reach the target closing.";
     Compactness: "ZONE", "compactness.ZONE", "compactness", "1", "ZoneResult.compactness", "Compactness of a zone (T-21); in summaries before and after the run.";

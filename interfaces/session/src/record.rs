@@ -250,7 +250,7 @@ mod tests {
         let row =
             |report: &StepReport| super::row(2e-4, &state, report, hold, &coordination, &tracked);
         let taken = row(&report);
-        let phases = "0 waiting, 1 lift, 2 insertion, 3 squeeze, 4 hold, 5 withdrawal, 6 done";
+        let phases = "0 waiting, 1 lift, 2 insertion, 3 squeeze, 4 hold, 5 withdrawal, 6 release, 7 traffic, 8 done";
         let expected = [
             ("time", "s", 1.4e-3),
             ("phase", phases, 4.0),

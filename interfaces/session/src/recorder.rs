@@ -247,6 +247,7 @@ impl SummarySettings {
             zones: track::zones(&case.plan).into_iter().map(|zone| zone.name).collect(),
             period: steps_per_period(&case.plan),
             grain_size: case.plan.bed.grains.mean_size(),
+            traffic: case.plan.tamping.and_then(|t| Some((t.ends()[5], t.traffic?))),
         }
     }
 }

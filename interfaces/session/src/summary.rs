@@ -9,6 +9,7 @@ use crate::statistics::{MovingMean, Statistics, norm};
 use ballast::model::Role;
 use ballast::state::State;
 use ballast::track::TampingPhase;
+use ballast::track::plan::LoadCycles;
 use ballast_hdf5::results::ResultsTable;
 use serde_json::{Value, json};
 
@@ -27,6 +28,8 @@ pub struct SummarySettings {
     pub has_tolerance: bool,
     /// Targets of each tracked body, if the case has any.
     pub targets: Vec<Option<Targets>>,
+    /// Traffic after the cycle with its start, s.
+    pub traffic: Option<(f64, LoadCycles)>,
 }
 
 /// Targets of a tine in a cycle.
@@ -127,6 +130,8 @@ pub struct BodySummary {
     squeeze_start_x: Option<f64>,
     /// Extremes of the displacement along x in the squeeze, m.
     squeeze_displacement: Option<[f64; 2]>,
+    /// Heights of the reference point before the traffic and at the end of each of its cycles, m.
+    traffic_z: Vec<f64>,
     recent: MovingMean,
 }
 
@@ -196,6 +201,7 @@ impl RunSummary {
             min_z: f64::INFINITY,
             squeeze_start_x: None,
             squeeze_displacement: None,
+            traffic_z: Vec::new(),
             recent: MovingMean::new(settings.period),
         };
         Self { bodies: vec![body; settings.tracked.len()], settings, ..Self::default() }
@@ -253,8 +259,17 @@ impl RunSummary {
         self.time = row.get(Column::Time);
         self.dissipated = dissipated;
         self.take_coordination(row);
+        let cycle = self.settings.traffic.as_ref().and_then(|(start, load)| {
+            // A cycle ends with the step that ends with it, whatever the sums of seconds are rounded to.
+            let cycle = ((self.time - start) * load.frequency - 1e-6).ceil().max(0.0);
+            (cycle <= f64::from(load.cycles)).then_some(cycle as usize)
+        });
         for (i, body) in self.bodies.iter_mut().enumerate() {
             body.take(row, i);
+            if let Some(cycle) = cycle {
+                body.traffic_z.resize(cycle + 1, f64::NAN);
+                body.traffic_z[cycle] = row.position(i)[2];
+            }
         }
         self.last = Some(row.clone());
     }
@@ -428,6 +443,13 @@ impl BodySummary {
         }
     }
 
+    /// Returns the settlement at the end of each cycle of the traffic, m; empty without traffic.
+    pub fn traffic_settlements(&self) -> Vec<f64> {
+        let mut levels = self.traffic_z.iter();
+        let start = levels.next().copied().unwrap_or(f64::NAN);
+        levels.map(|z| start - z).collect()
+    }
+
     /// Returns the largest closing in the squeeze, m; `None` before the squeeze.
     fn max_closing(&self, targets: &Targets) -> Option<f64> {
         let [low, high] = self.squeeze_displacement?;
@@ -447,6 +469,9 @@ impl BodySummary {
             json[Q::TargetDepthZ.key()] = json!(targets.depth_z);
             json[Q::MaxClosing.key()] = json!(self.max_closing(targets));
             json[Q::TargetClosing.key()] = json!(targets.closing);
+        }
+        if targets.is_none() && self.traffic_z.len() > 1 {
+            json[Q::TrafficSettlement.key()] = json!(self.traffic_settlements());
         }
         json
     }

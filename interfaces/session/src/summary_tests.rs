@@ -12,6 +12,7 @@ fn settings() -> SummarySettings {
         grain_size: 0.02,
         has_tolerance: true,
         targets: vec![Some(Targets { depth_z: 0.65, closing: 0.03, direction: -1.0 })],
+        traffic: None,
     }
 }
 

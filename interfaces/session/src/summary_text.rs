@@ -23,12 +23,13 @@ pub fn text(summary: &RunSummary) -> String {
 }
 
 /// Returns the tables of the summary; tables without figures are empty.
-pub fn tables(summary: &RunSummary) -> [TextTable; 6] {
+pub fn tables(summary: &RunSummary) -> [TextTable; 7] {
     [
         compactness(summary),
         coordination(summary),
         forces(summary, Role::Tine, "force on tine (N)"),
         forces(summary, Role::Sleeper, "force on sleeper (N)"),
+        settlement(summary),
         energy(summary),
         quality(summary),
     ]
@@ -104,6 +105,20 @@ fn forces(summary: &RunSummary, role: Role, title: &str) -> TextTable {
             figure(*work, 4),
             format!("{min_z:.4}"),
         ]);
+    }
+    table
+}
+
+fn settlement(summary: &RunSummary) -> TextTable {
+    let title = format!("{} (mm)", Q::TrafficSettlement.label());
+    let mut table = TextTable::new(&title, ["first cycle", "last cycle", "all cycles"]);
+    let bodies = summary.settings().tracked.iter().zip(&summary.bodies);
+    for (tracked, body) in bodies.filter(|(tracked, _)| tracked.role == Role::Sleeper) {
+        let settlements = body.traffic_settlements();
+        let (Some(first), Some(all)) = (settlements.first(), settlements.last()) else { continue };
+        let before = settlements.iter().rev().nth(1).copied().unwrap_or(0.0);
+        let cells = [*first, all - before, *all].map(|m| format!("{:.2}", 1e3 * m));
+        table.row(std::iter::once(tracked.name.clone()).chain(cells));
     }
     table
 }

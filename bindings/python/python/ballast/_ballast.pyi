@@ -485,7 +485,7 @@ class Simulation:
 
     @property
     def phase(self) -> str:
-        """Current phase of the tamping cycle: waiting, lift, insertion, squeeze, hold, withdrawal or done."""
+        """Current phase of the tamping cycle: waiting, lift, insertion, squeeze, hold, withdrawal, release, traffic or done."""
 
     @property
     def grain_count(self) -> int:

@@ -1,8 +1,8 @@
 //! `[bed]`: the box, its grains, and their preparation.
 
 use super::range::{
-    Coefficient, ContactStiffness, Corners, Count, Density, Duration, Fraction, Gravity, Length,
-    Positive, PositiveOrInfinite, Ratio, Seed, ShapeCount,
+    Coefficient, ContactStiffness, Corners, Count, Cycles, Density, Duration, Fraction, Gravity,
+    Length, NonNegative, Positive, PositiveOrInfinite, Ratio, Seed, ShapeCount,
 };
 use super::walls::WallsSection;
 use schemars::JsonSchema;
@@ -45,6 +45,9 @@ pub struct BedSection {
     /// Pouring and settling.
     #[serde(default)]
     pub preparation: PreparationSection,
+    /// Traffic over the bed after it has been poured. Absent: a bed that has carried nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<TrafficSection>,
 }
 
 fn default_seed() -> u64 {
@@ -57,6 +60,34 @@ fn default_density() -> f64 {
 
 fn default_gravity() -> f64 {
     9.81
+}
+
+/// Traffic over the bed: vertical load cycles on every sleeper, which compact the ballast under it.
+///
+/// The sleepers settle. They are then at `sleeper_underside_z_m`: bed and floor are moved up by the settlement. The cribs
+/// are filled up again.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TrafficSection {
+    /// Number of load cycles; with `settlement_limit_m` their maximum.
+    #[schemars(with = "Cycles")]
+    pub cycles: u32,
+    /// Largest load on each sleeper, N.
+    #[serde(rename = "max_load_N")]
+    #[schemars(with = "Positive")]
+    pub max_load: f64,
+    /// Smallest load between two cycles, N.
+    #[serde(rename = "min_load_N", default)]
+    #[schemars(with = "NonNegative")]
+    pub min_load: f64,
+    /// Load cycles per second, Hz.
+    #[serde(rename = "frequency_Hz")]
+    #[schemars(with = "Positive")]
+    pub frequency: f64,
+    /// Settlement of a cycle below which the traffic ends, m. 0: after all cycles.
+    #[serde(default)]
+    #[schemars(with = "NonNegative")]
+    pub settlement_limit_m: f64,
 }
 
 /// Random ballast grains: convex hulls of points on ellipsoids.

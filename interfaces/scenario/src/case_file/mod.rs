@@ -10,13 +10,13 @@ mod run;
 mod tamping;
 mod walls;
 
-pub use bed::{BedSection, GrainsSection, SizeClassSection, StiffnessSection};
+pub use bed::{BedSection, GrainsSection, SizeClassSection, StiffnessSection, TrafficSection};
 pub use layout::{
     BlockSection, DofModeName, SleeperMountSection, SleeperRow, SleeperSection, SqueezeDirection,
     TineMountSection, TineRows, TineSection,
 };
 pub use run::{PartitionMethod, RunSection, SolverSection};
-pub use tamping::TampingSection;
+pub use tamping::{LoadCyclesSection, TampingSection};
 pub use walls::WallsSection;
 
 use schemars::JsonSchema;

@@ -74,6 +74,10 @@ range!(
     Gravity, "type": "number", "minimum": 0, "maximum": 1000
 );
 range!(
+    /// Number of load cycles.
+    Cycles, "type": "integer", "minimum": 1, "maximum": 1000000
+);
+range!(
     /// Relaxation factor, from steps that still make progress to full ones.
     Relaxation, "type": "number", "minimum": 0.01, "maximum": 1
 );

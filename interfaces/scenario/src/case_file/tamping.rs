@@ -1,10 +1,10 @@
-//! `[tamping]`: lift, insertion, squeeze, hold, withdrawal.
+//! `[tamping]`: lift, insertion, squeeze, hold, withdrawal, release; then traffic.
 
-use super::range::{Duration, Finite, NonNegative, Pause, Positive, PositiveOrInfinite};
+use super::range::{Cycles, Duration, Finite, NonNegative, Pause, Positive, PositiveOrInfinite};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// One tamping cycle: lift, insertion, squeeze, hold, withdrawal, one after the other.
+/// One tamping cycle: lift, insertion, squeeze, hold, withdrawal, release, traffic, one after the other.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TampingSection {
@@ -20,9 +20,15 @@ pub struct TampingSection {
     /// Duration of the hold between squeeze and withdrawal, with vibration, s.
     #[schemars(with = "Pause")]
     pub hold_s: f64,
-    /// Duration of the withdrawal, with vibration, s. Absent: the rest of the run.
+    /// Duration of the withdrawal, with vibration, s. Absent: what the other phases leave of the run.
     #[schemars(with = "Option<Duration>")]
     pub withdrawal_s: Option<f64>,
+    /// Release of the tamped sleepers onto the ballast. Absent: they stay lifted.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub release: Option<ReleaseSection>,
+    /// Load cycles on the tamped sleepers after the release. Their mounts must be free or have a spring in z. Absent: none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub traffic: Option<LoadCyclesSection>,
     /// Vibration of the tines.
     pub vibration: VibrationSection,
 }
@@ -36,6 +42,8 @@ impl Default for TampingSection {
             squeeze: SqueezeSection::default(),
             hold_s: 0.1,
             withdrawal_s: None,
+            release: None,
+            traffic: None,
             vibration: VibrationSection::default(),
         }
     }
@@ -57,6 +65,46 @@ impl Default for LiftSection {
     fn default() -> Self {
         Self { height_m: 0.02, duration_s: 0.2 }
     }
+}
+
+/// Release of the tamped sleepers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ReleaseSection {
+    /// Duration of the release, s.
+    #[schemars(with = "Duration")]
+    pub duration_s: f64,
+    /// Level at which the sleepers are held after the release, m above that before the lift: through the spring of their
+    /// mount, where they have one. Absent: that of the lift.
+    #[schemars(with = "Option<Finite>")]
+    pub height_m: Option<f64>,
+}
+
+impl Default for ReleaseSection {
+    fn default() -> Self {
+        Self { duration_s: 0.2, height_m: None }
+    }
+}
+
+/// Vertical load cycles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LoadCyclesSection {
+    /// Number of load cycles.
+    #[schemars(with = "Cycles")]
+    pub cycles: u32,
+    /// Largest load on each sleeper, N.
+    #[serde(rename = "max_load_N")]
+    #[schemars(with = "Positive")]
+    pub max_load: f64,
+    /// Smallest load between two cycles, N.
+    #[serde(rename = "min_load_N", default)]
+    #[schemars(with = "NonNegative")]
+    pub min_load: f64,
+    /// Load cycles per second, Hz.
+    #[serde(rename = "frequency_Hz")]
+    #[schemars(with = "Positive")]
+    pub frequency: f64,
 }
 
 /// Insertion of the tines into the bed.

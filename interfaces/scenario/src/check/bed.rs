@@ -1,6 +1,7 @@
 //! Checks of `[bed]`.
 
 use crate::case_file::{BedSection, CaseFile, GrainsSection};
+use crate::check::machine::load_range;
 use crate::diagnostic::DiagnosticText;
 use crate::report::DiagnosticReport;
 use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS, StiffnessPlan};
@@ -27,6 +28,18 @@ pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
     pouring_step(&case.bed, report);
     weight(&case.bed, report);
     rebound(case, plan, report);
+    if let Some(traffic) = &plan.traffic {
+        load_range(&traffic.load, "bed.traffic", report);
+        if case.sleepers.is_none() && case.sleeper.is_empty() {
+            let text = DiagnosticText {
+                problem: "traffic needs sleepers".into(),
+                found: "a bed without sleepers".into(),
+                expected: "`[sleepers]` or `[[sleeper]]`".into(),
+                hint: None,
+            };
+            report.error("bed.traffic", text);
+        }
+    }
 }
 
 /// Refuses a coefficient of restitution of contacts whose springs return the bodies.

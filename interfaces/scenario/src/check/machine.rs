@@ -1,10 +1,11 @@
 //! Checks of the tamping cycle against run, bed and time step.
 
 use crate::diagnostic::DiagnosticText;
-use crate::layout::Layout;
+use crate::layout::{Layout, PlacedBody};
 use crate::report::DiagnosticReport;
+use ballast::model::DofMode;
 use ballast::track::motion_law::{SMOOTH_STEP_PEAK, TRAVEL_PEAK};
-use ballast::track::plan::{BedPlan, RunPlan, TampingPlan};
+use ballast::track::plan::{BedPlan, LoadCycles, RunPlan, SleeperPlan, TampingPlan};
 use ballast::track::{MAX_AVERAGING_STEPS, MAX_PROTRUSION, MIN_STEPS_PER_PERIOD};
 use std::f64::consts::PI;
 
@@ -53,6 +54,7 @@ pub fn machine(
         report.warn("tamping", text);
     }
     cycle_fits(tamping, run, report);
+    load_cycles(tamping, layout, report);
     if !report.is_clean(&["tamping", "bed", "run", "tines", "tine"]) {
         return;
     }
@@ -72,24 +74,63 @@ fn cycle_fits(tamping: &TampingPlan, run: &RunPlan, report: &mut DiagnosticRepor
         + tamping.insertion.duration
         + tamping.squeeze.duration
         + tamping.hold;
-    if withdrawal_start >= duration {
+    let after = tamping.ends()[6] - tamping.ends()[4];
+    if withdrawal_start + after >= duration {
         let text = DiagnosticText {
             problem: "the run ends before the tines are withdrawn".into(),
             found: format!("{duration} s"),
-            expected: format!(
-                "more than {withdrawal_start:.4} s: lift, insertion, squeeze and hold"
-            ),
+            expected: match after {
+                0.0 => {
+                    format!("more than {withdrawal_start:.4} s: lift, insertion, squeeze and hold")
+                }
+                _ => format!(
+                    "more than {:.4} s: all phases beside the withdrawal",
+                    withdrawal_start + after
+                ),
+            },
             hint: None,
         };
         report.error("run.duration_s", text);
-    } else if withdrawal_start + tamping.withdrawal > duration * (1.0 + 1e-9) {
+    } else if withdrawal_start + tamping.withdrawal + after > duration * (1.0 + 1e-9) {
         let text = DiagnosticText {
-            problem: "the run ends during the withdrawal".into(),
+            problem: "the run ends before the cycle".into(),
             found: format!("{} s", tamping.withdrawal),
-            expected: format!("at most {:.4} s", duration - withdrawal_start),
+            expected: format!("at most {:.4} s", duration - withdrawal_start - after),
             hint: None,
         };
         report.warn("tamping.withdrawal_s", text);
+    }
+}
+
+/// Refuses load cycles whose smallest load is not below the largest; their section is at `key`.
+pub fn load_range(load: &LoadCycles, key: &str, report: &mut DiagnosticReport) {
+    if load.min_load < load.max_load {
+        return;
+    }
+    let text = DiagnosticText {
+        problem: "the smallest load is not below the largest".into(),
+        found: format!("{} N", load.min_load),
+        expected: format!("less than `max_load_N`, {} N", load.max_load),
+        hint: None,
+    };
+    report.error(&format!("{key}.min_load_N"), text);
+}
+
+/// Checks the loads after the cycle, and that the sleepers can carry them.
+fn load_cycles(tamping: &TampingPlan, layout: &Layout, report: &mut DiagnosticReport) {
+    let Some(traffic) = &tamping.traffic else { return };
+    load_range(traffic, "tamping.traffic", report);
+    let is_prescribed = |s: &&PlacedBody<SleeperPlan>| {
+        s.plan.tamped && s.plan.mount.is_none_or(|m| m.dof_modes[2] == DofMode::Prescribed)
+    };
+    if let Some(sleeper) = layout.sleepers.iter().find(is_prescribed) {
+        let text = DiagnosticText {
+            problem: format!("no load moves `{}`", sleeper.plan.name),
+            found: "a tamped sleeper without a mount that is free or has a spring in z".into(),
+            expected: "a table `mount` with `z = \"spring\"`".into(),
+            hint: None,
+        };
+        report.error("tamping.traffic", text);
     }
 }
 

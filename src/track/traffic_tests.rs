@@ -1,0 +1,138 @@
+use crate::math::Vec3;
+use crate::model::{ContactStiffness, Role};
+use crate::track::plan::{LoadCycles, Plan, SleeperPlan, StiffnessPlan, TrafficPlan};
+use crate::track::test_plan::small_plan;
+use crate::track::{Bed, DepositStage, deposit, scene};
+use std::ops::ControlFlow;
+
+const LOAD: LoadCycles =
+    LoadCycles { cycles: 4, max_load: 900.0, min_load: 100.0, frequency: 20.0 };
+
+/// Some hundred compliant grains under a short block that carries traffic.
+fn trafficked() -> Plan {
+    let mut plan = small_plan();
+    let springs =
+        ContactStiffness { normal: 1e6, tangential_ratio: 1.0, ..ContactStiffness::default() };
+    plan.bed.stiffness =
+        StiffnessPlan { grain: springs, sleeper: springs, tine: springs, boundary: [springs; 5] };
+    plan.bed.size = Vec3::new(0.26, 0.2, 0.3);
+    plan.bed.grains.classes[0].size = 0.03;
+    plan.bed.friction.grain = 0.6;
+    plan.bed.preparation.ballast_depth = 0.08;
+    plan.bed.preparation.fill_level = 0.12;
+    plan.bed.preparation.max_settling = 0.3;
+    plan.bed.preparation.rest_speed = 0.02;
+    plan.bed.traffic = Some(TrafficPlan { load: LOAD, settlement_limit: 0.0 });
+    plan.sleepers[0].centre = [0.13, 0.1];
+    plan.sleepers[0].blocks[0].size = Vec3::new(0.08, 0.1, 0.04);
+    plan.run.stepping.step_ns = 500_000;
+    for tine in &mut plan.tines {
+        tine.position[1] = 0.1;
+    }
+    plan
+}
+
+fn prepared(plan: &Plan) -> Bed {
+    deposit(plan, &mut |_| ControlFlow::Continue(())).unwrap().unwrap()
+}
+
+#[test]
+fn the_load_rises_from_zero_and_swings_between_its_limits_until_it_is_taken_off() {
+    let load = |cycles: f64| LOAD.load(cycles / LOAD.frequency);
+    assert!((LOAD.duration() - 0.2).abs() < 1e-15);
+    for (cycles, expected) in [
+        (-0.1, 0.0),
+        (0.0, 0.0),
+        (0.25, 450.0),
+        (0.5, 900.0),
+        (1.0, 100.0),
+        (1.25, 500.0),
+        (3.0, 100.0),
+        (3.5, 900.0),
+        (3.75, 500.0),
+        (4.1, 0.0),
+    ] {
+        assert!((load(cycles) - expected).abs() < 1e-9, "{} at {cycles}", load(cycles));
+    }
+    let single = LoadCycles { cycles: 1, ..LOAD };
+    assert!((single.load(0.5 / LOAD.frequency) - 900.0).abs() < 1e-9);
+    assert!((0..100).all(|i| single.load(f64::from(i) * 5e-4) <= 900.0));
+}
+
+#[test]
+fn traffic_settles_the_sleeper_and_compacts_the_bed_under_it() {
+    let plan = trafficked();
+    let bed = prepared(&plan);
+    assert_eq!(bed, prepared(&plan), "the same plan gives the same bytes");
+    assert_eq!(bed.settlements.len(), 4);
+    assert!(bed.settlements[0] > 1e-4, "{:?}", bed.settlements);
+    let total = bed.settlements[3];
+    assert!(total > bed.settlements[0] && total < 0.04, "{:?}", bed.settlements);
+    // The sleeper stands at its level again, the floor is higher by the settlement.
+    let (n, state) = (bed.model.grains.len(), &bed.state);
+    let body = |name: &str| n + bed.model.driven_index(name).unwrap();
+    assert_eq!(state.position[body("sleeper")], Vec3::new(0.13, 0.1, 0.08));
+    assert!((state.position[body("floor")].z - total).abs() < 1e-12, "{total}");
+    assert!(state.mount.is_empty(), "it stands");
+    assert_eq!(state.velocity[body("sleeper")], Vec3::zeros());
+    let roles: Vec<Role> = bed.model.driven.iter().map(|d| d.role).collect();
+    assert_eq!(roles[..5], [Role::Boundary; 5]);
+    assert_eq!(roles[5..], [Role::Sleeper]);
+    assert!(state.position[..n].iter().all(|p| p.z > total && p.z < 0.13));
+    // As many grains under the sleeper as before are in a layer that is thinner.
+    let mut loose = plan.clone();
+    loose.bed.traffic = None;
+    let loose = prepared(&loose);
+    assert!(loose.settlements.is_empty());
+    let under = |bed: &Bed, floor: f64| {
+        let inside = |g: usize| {
+            let p = bed.state.position[g];
+            (p.x - 0.13).abs() < 0.04 && (p.y - 0.1).abs() < 0.05 && p.z < 0.08
+        };
+        let count = (0..bed.model.grains.len()).filter(|g| inside(*g)).count();
+        count as f64 / (0.08 - floor)
+    };
+    assert!(under(&bed, total) > 1.03 * under(&loose, 0.0));
+    scene(&plan, bed).expect("the bed of the plan");
+}
+
+#[test]
+fn traffic_ends_where_a_cycle_settles_less_than_the_limit() {
+    let mut plan = trafficked();
+    plan.bed.traffic = Some(TrafficPlan { load: LOAD, settlement_limit: 1.0 });
+    let mut stages = Vec::new();
+    let bed = deposit(&plan, &mut |progress| {
+        assert!(progress.has_traffic && progress.step <= progress.most_steps);
+        if stages.last() != Some(&progress.stage) {
+            stages.push(progress.stage);
+        }
+        ControlFlow::Continue(())
+    });
+    assert_eq!(bed.unwrap().unwrap().settlements.len(), 1);
+    assert!(stages.is_sorted() && stages.contains(&DepositStage::Traffic), "{stages:?}");
+    plan.sleepers.clear();
+    let message = deposit(&plan, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+    assert!(message.contains("bed.traffic"), "{message}");
+}
+
+#[test]
+fn sleepers_that_settle_differently_are_brought_to_one_level() {
+    let mut plan = trafficked();
+    plan.bed.size.x = 0.4;
+    let at = |name: &str, x: f64| SleeperPlan {
+        name: name.into(),
+        centre: [x, 0.1],
+        ..plan.sleepers[0].clone()
+    };
+    plan.sleepers = vec![at("one", 0.1), at("other", 0.3)];
+    plan.tines.clear();
+    plan.tamping = None;
+    let bed = prepared(&plan);
+    let n = bed.model.grains.len();
+    for name in ["one", "other"] {
+        let place = bed.model.driven_index(name).unwrap();
+        assert_eq!(bed.state.position[n + place].z, 0.08, "{name}");
+    }
+    assert_eq!(bed.model.driven[5].name, "one", "their order is that of the plan");
+    scene(&plan, bed).expect("the bed of the plan");
+}
