@@ -4,14 +4,14 @@
 //! over the file for its digest. Contract: `read(write(x)) == x` bit for bit; a file that was
 //! changed anywhere is refused; a failed `write` leaves the earlier file as it was.
 
-use crate::columns::{self, Column, Data};
-use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
-use crate::hash;
+use crate::error::{Error, Fault, FaultInFile, Result, hdf5 as hdf5_error, io};
 use crate::image::{self, ColumnSource};
 use crate::replace::check_file_kind;
-use crate::{decode, seal, validate};
+use crate::seal;
 use ballast::model::Model;
 use ballast::state::State;
+use ballast_columns::columns::{self, Column, Data};
+use ballast_columns::{ColumnReader, decode, validate};
 use std::collections::BTreeMap;
 use std::io::{Read, Write};
 use std::path::Path;
@@ -109,7 +109,7 @@ fn image_of(path: &Path, checkpoint: &Checkpoint) -> Result<Vec<u8>> {
     validate::check(&checkpoint.model, &checkpoint.state).map_err(|f| f.refused(path))?;
     let file = image::new_image(path)?;
     let columns = columns::of(&checkpoint.model, &checkpoint.state);
-    let fingerprint = format!("{:032x}", hash::of_columns(&columns));
+    let fingerprint = format!("{:032x}", ballast_columns::columns_hash(&columns));
     let memory = columns::of_memory(&checkpoint.state);
     for column in columns.iter().chain(&memory).chain(&about(checkpoint, fingerprint)) {
         image::put(&file, path, column)?;
@@ -175,7 +175,7 @@ fn check_version(source: &ColumnSource) -> Result<()> {
 
 fn check_fingerprint(source: &ColumnSource, model: &Model, state: &State) -> Result<()> {
     let expected = source.text("about/state_hash")?;
-    let found = format!("{:032x}", hash::state_hash(model, state));
+    let found = format!("{:032x}", ballast_columns::state_hash(model, state));
     if expected == found {
         return Ok(());
     }

@@ -1,5 +1,6 @@
 //! Errors of reading and writing HDF5 files.
 
+pub(crate) use ballast_columns::Fault;
 use std::path::{Path, PathBuf};
 
 /// Error of reading or writing an HDF5 file.
@@ -70,31 +71,22 @@ pub enum Error {
 /// Result of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Invalid value at a place in a file that the caller knows.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Fault {
-    pub place: String,
-    pub expected: String,
-    pub found: String,
+/// Conversion of a fault to an error with the path of its file.
+pub(crate) trait FaultInFile {
+    /// Converts the fault to the error of a file that was read.
+    fn in_file(self, path: &Path) -> Error;
+
+    /// Converts the fault to the error of content that was not written.
+    fn refused(self, path: &Path) -> Error;
 }
 
-impl Fault {
-    pub fn new(
-        place: impl Into<String>,
-        expected: impl Into<String>,
-        found: impl ToString,
-    ) -> Self {
-        Self { place: place.into(), expected: expected.into(), found: found.to_string() }
-    }
-
-    /// Converts the fault to the error of a file that was read.
-    pub fn in_file(self, path: &Path) -> Error {
+impl FaultInFile for Fault {
+    fn in_file(self, path: &Path) -> Error {
         let Self { place, expected, found } = self;
         Error::Damaged { path: path.into(), place, expected, found }
     }
 
-    /// Converts the fault to the error of content that was not written.
-    pub fn refused(self, path: &Path) -> Error {
+    fn refused(self, path: &Path) -> Error {
         let Self { place, expected, found } = self;
         Error::Refused { path: path.into(), place, expected, found }
     }

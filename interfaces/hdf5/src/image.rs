@@ -5,15 +5,13 @@
 //! Contract of reading: type, rank, width and number of rows are compared, and the claimed size is
 //! bounded by the file's, before anything is allocated.
 
-use crate::columns::{Column, Data, wxyz, xyz};
-use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
+use crate::error::{Error, Fault, FaultInFile, Result, hdf5 as hdf5_error, io};
+use ballast_columns::columns::{Column, Data, wxyz, xyz};
+use ballast_columns::{ColumnReader, DataKind};
 use hdf5::types::{TypeDescriptor, VarLenUnicode};
 use hdf5::{Dataset, File, H5Type};
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
-
-/// Function that returns the name of a value in files.
-type Word<T> = fn(T) -> &'static str;
 
 /// Maximum ratio of inflated to deflated bytes.
 pub(crate) const DEFLATE_AT_BEST: u64 = 1032;
@@ -118,7 +116,7 @@ pub(crate) struct ColumnSource<'a> {
 
 impl ColumnSource<'_> {
     /// Reads numbers `[rows, width]` into a flat array; any number of rows if `rows` is `None`.
-    pub fn numbers<T: H5Type>(
+    pub fn array<T: H5Type>(
         &self,
         name: &str,
         rows: Option<usize>,
@@ -130,30 +128,8 @@ impl ColumnSource<'_> {
         dataset.read_raw().map_err(hdf5_error(self.path, name))
     }
 
-    /// Reads finite numbers `[rows, width]` into a flat array.
-    pub fn reals(&self, name: &str, rows: Option<usize>, width: usize) -> Result<Vec<f64>> {
-        let values: Vec<f64> = self.numbers(name, rows, width)?;
-        match values.iter().position(|v| !v.is_finite()) {
-            None => Ok(values),
-            Some(i) => {
-                let found = format!("{} in row {}", values[i], i / width);
-                Err(Fault::new(name, "finite numbers", found).in_file(self.path))
-            }
-        }
-    }
-
-    /// Reads the single number in `name`.
-    pub fn number<T: H5Type + Copy>(&self, name: &str) -> Result<T> {
-        Ok(self.numbers(name, Some(1), 1)?[0])
-    }
-
-    /// Reads the single finite number in `name`.
-    pub fn real(&self, name: &str) -> Result<f64> {
-        Ok(self.reals(name, Some(1), 1)?[0])
-    }
-
-    /// Reads texts `[rows]`.
-    pub fn texts(&self, name: &str, rows: Option<usize>) -> Result<Vec<String>> {
+    /// Reads texts `[rows]`, which the library does not check.
+    fn read_texts(&self, name: &str, rows: Option<usize>) -> Result<Vec<String>> {
         let dataset = self.dataset(name)?;
         self.check_type(&dataset, name, &TypeDescriptor::VarLenUnicode)?;
         self.check_shape(&dataset, name, rows, 1)?;
@@ -165,32 +141,15 @@ impl ColumnSource<'_> {
         })
     }
 
-    /// Reads the single text in `name`.
-    pub fn text(&self, name: &str) -> Result<String> {
-        Ok(self.texts(name, Some(1))?.swap_remove(0))
-    }
-
-    /// Reads the single text in `name` as the value of `all` with this name.
-    pub fn choice<T: Copy>(&self, name: &str, all: &[T], word: Word<T>) -> Result<T> {
-        self.choose(name, &self.text(name)?, all, word)
-    }
-
-    pub fn choose<T: Copy>(&self, name: &str, text: &str, all: &[T], word: Word<T>) -> Result<T> {
-        all.iter().copied().find(|value| word(*value) == text).ok_or_else(|| {
-            let names: Vec<_> = all.iter().map(|value| format!("{:?}", word(*value))).collect();
-            Fault::new(name, names.join(" or "), format!("{text:?}")).in_file(self.path)
-        })
-    }
-
     /// Returns true if the file has an object with this name.
-    pub fn has(&self, name: &str) -> bool {
+    fn has_object(&self, name: &str) -> bool {
         // Link by link, because the library fails on "a/b" without "a".
         let ends = name.match_indices('/').map(|(end, _)| end).chain([name.len()]);
         ends.into_iter().all(|end| self.file.link_exists(&name[..end]))
     }
 
     fn dataset(&self, name: &str) -> Result<Dataset> {
-        if !self.has(name) {
+        if !self.has_object(name) {
             return Err(Fault::new(name, "a dataset", "nothing").in_file(self.path));
         }
         self.file
@@ -254,5 +213,38 @@ impl ColumnSource<'_> {
         let fits =
             chunk.fold(8_u64, |bytes, n| bytes.saturating_mul(n as u64)) <= MAX_INFLATED_BYTES;
         if fits { stored.min(MAX_INFLATED_BYTES) } else { 0 }
+    }
+}
+
+impl ColumnReader for ColumnSource<'_> {
+    type Error = Error;
+
+    fn read(
+        &self,
+        name: &str,
+        kind: DataKind,
+        rows: Option<usize>,
+        width: usize,
+    ) -> Result<Data<'static>> {
+        Ok(match kind {
+            DataKind::F64 => Data::F64(self.array(name, rows, width)?.into()),
+            DataKind::U64 => Data::U64(self.array(name, rows, width)?.into()),
+            DataKind::U32 => Data::U32(self.array(name, rows, width)?.into()),
+            DataKind::U16 => Data::U16(self.array(name, rows, width)?),
+            DataKind::U8 => Data::U8(self.array(name, rows, width)?),
+            DataKind::Text => Data::Text(self.read_texts(name, rows)?),
+        })
+    }
+
+    fn has(&self, name: &str) -> bool {
+        self.has_object(name)
+    }
+
+    fn size(&self) -> u64 {
+        self.size
+    }
+
+    fn error(&self, fault: Fault) -> Error {
+        fault.in_file(self.path)
     }
 }

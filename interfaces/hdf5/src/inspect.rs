@@ -4,10 +4,10 @@
 
 use crate::checkpoint;
 use crate::error::Result;
-use crate::hash::state_hash;
 use crate::results::ResultsReader;
 use crate::seal;
 use ballast::observe::{StoneStatistics, stone_statistics};
+use ballast_columns::state_hash;
 use serde_json::{Value, json};
 use std::fmt;
 use std::path::Path;

@@ -10,15 +10,11 @@ pub mod fclib;
 pub mod inspect;
 pub mod results;
 
-mod columns;
-mod decode;
 mod error;
-mod hash;
 mod image;
 mod replace;
 mod seal;
-mod validate;
 
+pub use ballast_columns::state_hash;
 pub use error::{Error, Result};
-pub use hash::state_hash;
 pub use replace::{check_file_kind, clear, replace, replaceable};

@@ -3,7 +3,7 @@
 //! Contract: new content is written to a temporary file in the same folder, which replaces the old file when it is complete.
 //! A failure removes the temporary file and leaves the old one unchanged.
 
-use crate::error::{Fault, Result, io};
+use crate::error::{Fault, FaultInFile, Result, io};
 use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{ErrorKind, Write};

@@ -5,7 +5,7 @@
 //! place has such a block at its end, once it is complete ([`put_at_end`]); HDF5 programs do not read beyond their end.
 //! Contract: the digest is checked before the HDF5 library reads a byte, because the library may crash on a damaged file.
 
-use crate::error::{Error, Fault, Result, io};
+use crate::error::{Error, Fault, FaultInFile, Result, io};
 use crate::replace::replace;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom, Write};

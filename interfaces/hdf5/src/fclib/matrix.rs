@@ -3,8 +3,9 @@
 //! Contract: every index is compared with the matrix before it is used; allocations are bounded by
 //! the sizes of the datasets, not by the claims of the file.
 
-use crate::error::{Fault, Result};
+use crate::error::{Fault, FaultInFile, Result};
 use crate::image::ColumnSource;
+use ballast_columns::ColumnReader;
 
 /// Entries of a matrix: row, column, value.
 pub(crate) type Entries = Vec<(usize, usize, f64)>;
@@ -27,9 +28,9 @@ pub(crate) fn integer(source: &ColumnSource, name: &str) -> Result<i64> {
 
 /// Reads whole numbers of 32 bits, as the library of the format writes them, or of 64.
 fn integers(source: &ColumnSource, name: &str) -> Result<Vec<i64>> {
-    match source.numbers::<i32>(name, None, 1) {
+    match source.array::<i32>(name, None, 1) {
         Ok(values) => Ok(values.into_iter().map(i64::from).collect()),
-        Err(error) => source.numbers::<i64>(name, None, 1).map_err(|_| error),
+        Err(error) => source.array::<i64>(name, None, 1).map_err(|_| error),
     }
 }
 

@@ -1,13 +1,14 @@
 //! Reader of friction-contact problems.
 
 use super::matrix;
-use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
+use crate::error::{Fault, FaultInFile, Result, hdf5 as hdf5_error, io};
 use crate::image::{self, ColumnSource};
 use crate::seal;
 use ballast::Error as CoreError;
 use ballast::math::Vec3;
 use ballast::nlgs::assembled_problem::AssembledProblem;
 use ballast::nlgs::global_problem::{FactorisedGlobalProblem, GlobalProblem};
+use ballast_columns::ColumnReader;
 use std::path::Path;
 
 /// Friction-contact problem of a file, with its solution and first guess, if given.

@@ -6,7 +6,7 @@
 //! Contract: compressed chunks are written only once; a backup is complete before it replaces the previous one. The backup
 //! exists from the first checkpoint until the results are closed.
 
-use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
+use crate::error::{Fault, FaultInFile, Result, hdf5 as hdf5_error, io};
 use crate::seal::{self, SealFormat};
 use hdf5::{Dataset, File, Group};
 use std::collections::BTreeMap;

@@ -21,14 +21,13 @@ pub use background_writer::BackgroundWriter;
 pub use frame_data::FrameData;
 pub use reader::{BlockFrame, FieldArray, ResultsReader, ResultsTable};
 
-use crate::columns;
-use crate::error::{Fault, Result, hdf5 as hdf5_error, io};
-use crate::hash;
+use crate::error::{Fault, FaultInFile, Result, hdf5 as hdf5_error, io};
 use crate::seal;
 use ballast::geometry::Polyhedron;
 use ballast::model::{DrivenBody, Model};
 use ballast::state::State;
 use ballast::workspace::Workspace;
+use ballast_columns::{columns, columns_hash};
 use block::{FieldLocation, VtkBlock};
 use hdf5::plist::file_access::{
     CacheDecreaseMode, CacheIncreaseMode, FlashIncreaseMode, MetadataCacheConfig,
@@ -420,5 +419,5 @@ fn bodies_hash(model: &Model) -> String {
     let nothing = State::default();
     let mut columns = columns::of(model, &nothing);
     columns.retain(|c| ["shapes", "grains", "driven", "parts"].contains(&c.group()));
-    format!("{:032x}", hash::of_columns(&columns))
+    format!("{:032x}", columns_hash(&columns))
 }

@@ -5,10 +5,10 @@
 
 use super::block::VtkBlock;
 use super::{FORMAT, SEAL, VERSION, growing};
-use crate::decode::pose;
-use crate::error::{Error, Fault, Result, hdf5 as hdf5_error, io};
+use crate::error::{Error, Fault, FaultInFile, Result, hdf5 as hdf5_error, io};
 use crate::{image, seal};
 use ballast::math::Pose;
+use ballast_columns::decode::pose;
 use hdf5::{Dataset, File, Group, H5Type};
 use std::ops::Range;
 use std::path::{Path, PathBuf};

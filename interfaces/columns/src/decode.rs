@@ -1,13 +1,13 @@
-//! Conversion of the columns of a file to model and state.
+//! Conversion of columns to model and state.
 //!
-//! Reads: a [`ColumnSource`]. Contract: the result has consistent lengths; [`crate::validate`] checks its values.
+//! Reads: a [`ColumnReader`]. Contract: the result has consistent lengths; [`crate::validate`] checks its values.
 
 use crate::columns::{
     CONVEX, ELASTIC, FORCE_CHECK, HALF_SPACE, HELD, LOADED, MOUNT, OVERLAP, PLAIN, RECOVERY,
     SPRUNG, STIFFNESS, TWIST,
 };
-use crate::error::{Fault, Result};
-use crate::image::ColumnSource;
+use crate::fault::Fault;
+use crate::reader::ColumnReader;
 use ballast::geometry::{Edge, Polyhedron};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
@@ -21,7 +21,11 @@ use ballast::window_memory::{
 use std::ops::Range;
 use std::sync::Arc;
 
-pub(crate) fn model(source: &ColumnSource) -> Result<Model> {
+/// Returns the model in the columns of `source`.
+///
+/// # Errors
+/// Columns that are missing, of another shape, or no model.
+pub fn model<R: ColumnReader>(source: &R) -> Result<Model, R::Error> {
     let shapes = shapes(source)?;
     let ng = source.numbers::<u32>("grains/shape", None, 1)?;
     let grains = Grains {
@@ -49,11 +53,15 @@ pub(crate) fn model(source: &ColumnSource) -> Result<Model> {
 }
 
 /// Sets the stiffness of the driven bodies, and returns that between grains.
-fn read_stiffness(source: &ColumnSource, driven: &mut [DrivenBody]) -> Result<ContactStiffness> {
+fn read_stiffness<R: ColumnReader>(
+    source: &R,
+    driven: &mut [DrivenBody],
+) -> Result<ContactStiffness, R::Error> {
     if !source.has(STIFFNESS) {
         return Ok(ContactStiffness::RIGID);
     }
-    let numbers = source.reals(STIFFNESS, Some(1 + driven.len()), 3)?;
+    // Infinite for the rigid contacts of a model with others.
+    let numbers: Vec<f64> = source.numbers(STIFFNESS, Some(1 + driven.len()), 3)?;
     let mut rows = numbers.as_chunks().0.iter().map(|&[normal, tangential_ratio, damping_time]| {
         ContactStiffness { normal, tangential_ratio, damping_time }
     });
@@ -64,7 +72,11 @@ fn read_stiffness(source: &ColumnSource, driven: &mut [DrivenBody]) -> Result<Co
     Ok(of_grains)
 }
 
-pub(crate) fn state(source: &ColumnSource, model: &Model) -> Result<State> {
+/// Returns the state of `model` in the columns of `source`.
+///
+/// # Errors
+/// Columns that are missing, of another shape, or no state.
+pub fn state<R: ColumnReader>(source: &R, model: &Model) -> Result<State, R::Error> {
     let nb = Some(model.body_count());
     let orientation = source.reals("state/orientation", nb, 4)?;
     let energy = source.reals("state/energy", Some(6), 1)?;
@@ -105,9 +117,9 @@ pub(crate) fn state(source: &ColumnSource, model: &Model) -> Result<State> {
 }
 
 /// Reads the window memory; its lengths are checked with the state.
-fn window(source: &ColumnSource, bodies: usize) -> Result<WindowMemory> {
+fn window<R: ColumnReader>(source: &R, bodies: usize) -> Result<WindowMemory, R::Error> {
     let fault = |name, expected: String, found: String| {
-        Err(Fault::new(name, expected, found).in_file(source.path))
+        Err(source.error(Fault::new(name, expected, found)))
     };
     let version: u32 = source.number("window/squeeze_version")?;
     if version != SQUEEZE_TRACK_VERSION {
@@ -140,7 +152,7 @@ fn window(source: &ColumnSource, bodies: usize) -> Result<WindowMemory> {
     })
 }
 
-fn contacts(source: &ColumnSource) -> Result<ContactMemory> {
+fn contacts<R: ColumnReader>(source: &R) -> Result<ContactMemory, R::Error> {
     let bodies: Vec<u32> = source.numbers("contacts/bodies", None, 2)?;
     let bodies = bodies.as_chunks().0.to_vec();
     let nc = Some(bodies.len());
@@ -163,27 +175,35 @@ fn quaternion(c: &[f64; 4]) -> Quat {
 }
 
 /// Returns a pose from position and orientation w x y z.
-pub(crate) fn pose(p: &[f64; 7]) -> Pose {
+pub fn pose(p: &[f64; 7]) -> Pose {
     Pose {
         position: Vec3::new(p[0], p[1], p[2]),
         orientation: quaternion(&[p[3], p[4], p[5], p[6]]),
     }
 }
 
-fn vectors(source: &ColumnSource, name: &str, rows: Option<usize>) -> Result<Vec<Vec3>> {
+fn vectors<R: ColumnReader>(
+    source: &R,
+    name: &str,
+    rows: Option<usize>,
+) -> Result<Vec<Vec3>, R::Error> {
     let flat = source.reals(name, rows, 3)?;
     Ok(flat.as_chunks::<3>().0.iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect())
 }
 
 /// Returns ranges into flat arrays from starts `[items + 1]`; the last start is the arrays' length.
-fn ranges(source: &ColumnSource, name: &str, items: Option<usize>) -> Result<Vec<Range<usize>>> {
+fn ranges<R: ColumnReader>(
+    source: &R,
+    name: &str,
+    items: Option<usize>,
+) -> Result<Vec<Range<usize>>, R::Error> {
     let starts: Vec<u64> = source.numbers(name, items.map(|n| n + 1), 1)?;
     // No flat array can have more elements than the file has bytes.
-    let bounded = starts.last().is_some_and(|&n| n <= source.size);
+    let bounded = starts.last().is_some_and(|&n| n <= source.size());
     if !bounded || starts[0] != 0 || !starts.is_sorted() {
-        let expected = format!("starts from 0, rising, up to {} at most", source.size);
+        let expected = format!("starts from 0, rising, up to {} at most", source.size());
         let found = format!("{:?}", &starts[..starts.len().min(8)]);
-        return Err(Fault::new(name, expected, found).in_file(source.path));
+        return Err(source.error(Fault::new(name, expected, found)));
     }
     Ok(starts.windows(2).map(|w| w[0] as usize..w[1] as usize).collect())
 }
@@ -192,7 +212,7 @@ fn total(ranges: &[Range<usize>]) -> Option<usize> {
     Some(ranges.last().map_or(0, |r| r.end))
 }
 
-fn shapes(source: &ColumnSource) -> Result<Vec<Polyhedron>> {
+fn shapes<R: ColumnReader>(source: &R) -> Result<Vec<Polyhedron>, R::Error> {
     let volume = source.reals("shapes/volume", None, 1)?;
     let ns = Some(volume.len());
     let of_vertices = ranges(source, "shapes/first_vertex", ns)?;
@@ -230,14 +250,14 @@ fn edge(e: &[u16; 4]) -> Edge {
     Edge { vertices: [e[0], e[1]], faces: [e[2], e[3]] }
 }
 
-fn driven(source: &ColumnSource) -> Result<Vec<DrivenBody>> {
+fn driven<R: ColumnReader>(source: &R) -> Result<Vec<DrivenBody>, R::Error> {
     let names = source.texts("driven/name", None)?;
     let nd = Some(names.len());
     let roles = source.texts("driven/role", nd)?;
     let friction = source.reals("driven/friction", nd, 1)?;
     let rows = source.reals("driven/mount", None, MOUNT)?;
     let mounts: Vec<Mount> =
-        rows.as_chunks().0.iter().map(|row| mount(source, row)).collect::<Result<_>>()?;
+        rows.as_chunks().0.iter().map(|row| mount(source, row)).collect::<Result<_, _>>()?;
     let of_parts = ranges(source, "driven/first_part", nd)?;
     let parts = parts(source, total(&of_parts))?;
     let body = |(d, name): (usize, String)| {
@@ -253,17 +273,18 @@ fn driven(source: &ColumnSource) -> Result<Vec<DrivenBody>> {
     names.into_iter().enumerate().map(body).collect()
 }
 
-fn mount(source: &ColumnSource, row: &[f64; MOUNT]) -> Result<Mount> {
+fn mount<R: ColumnReader>(source: &R, row: &[f64; MOUNT]) -> Result<Mount, R::Error> {
     let freedom = |&[mode, stiffness, damping]: &[f64; 3]| match mode {
         HELD => Ok(DofMode::Prescribed),
         LOADED => Ok(DofMode::Free),
         SPRUNG => Ok(DofMode::Spring { stiffness, damping }),
         _ => {
             let expected = format!("modes {HELD}, {LOADED} or {SPRUNG}");
-            Err(Fault::new("driven/mount", expected, mode.to_string()).in_file(source.path))
+            Err(source.error(Fault::new("driven/mount", expected, mode.to_string())))
         }
     };
-    let modes: Vec<DofMode> = row[7..].as_chunks().0.iter().map(freedom).collect::<Result<_>>()?;
+    let modes: Vec<DofMode> =
+        row[7..].as_chunks().0.iter().map(freedom).collect::<Result<_, _>>()?;
     Ok(Mount {
         mass: row[0],
         inertia: Vec3::new(row[1], row[2], row[3]),
@@ -272,26 +293,27 @@ fn mount(source: &ColumnSource, row: &[f64; MOUNT]) -> Result<Mount> {
     })
 }
 
-fn parts(source: &ColumnSource, count: Option<usize>) -> Result<Vec<Part>> {
+fn parts<R: ColumnReader>(source: &R, count: Option<usize>) -> Result<Vec<Part>, R::Error> {
     let kinds: Vec<u8> = source.numbers("parts/kind", count, 1)?;
     let shapes: Vec<u32> = source.numbers("parts/shape", count, 1)?;
     let placements = source.reals("parts/placement", count, 7)?;
-    let part =
-        |((kind, shape), p): ((u8, u32), &[f64; 7])| match kind {
-            CONVEX => Ok(Part::Convex { shape, pose: pose(p) }),
-            HALF_SPACE => Ok(Part::HalfSpace { normal: Vec3::new(p[0], p[1], p[2]), offset: p[3] }),
-            found => Err(Fault::new("parts/kind", "0 (convex) or 1 (half-space)", found)
-                .in_file(source.path)),
-        };
+    let part = |((kind, shape), p): ((u8, u32), &[f64; 7])| match kind {
+        CONVEX => Ok(Part::Convex { shape, pose: pose(p) }),
+        HALF_SPACE => Ok(Part::HalfSpace { normal: Vec3::new(p[0], p[1], p[2]), offset: p[3] }),
+        found => {
+            let expected = "0 (convex) or 1 (half-space)";
+            Err(source.error(Fault::new("parts/kind", expected, found)))
+        }
+    };
     kinds.into_iter().zip(shapes).zip(placements.as_chunks().0).map(part).collect()
 }
 
-fn solver(source: &ColumnSource) -> Result<Solver> {
+fn solver<R: ColumnReader>(source: &R) -> Result<Solver, R::Error> {
     let tolerance = source.reals("solver/tolerance", None, 1)?;
     if tolerance.len() > 1 {
         let found = format!("{} values", tolerance.len());
         let fault = Fault::new("solver/tolerance", "one value or none", found);
-        return Err(fault.in_file(source.path));
+        return Err(source.error(fault));
     }
     Ok(Solver {
         schedule: source.choice("solver/schedule", &Schedule::ALL, Schedule::name)?,
@@ -314,7 +336,9 @@ fn solver(source: &ColumnSource) -> Result<Solver> {
     })
 }
 
-fn penetration_correction(source: &ColumnSource) -> Result<Option<PenetrationCorrection>> {
+fn penetration_correction<R: ColumnReader>(
+    source: &R,
+) -> Result<Option<PenetrationCorrection>, R::Error> {
     if !source.has(RECOVERY) {
         return Ok(None);
     }
@@ -326,7 +350,7 @@ fn penetration_correction(source: &ColumnSource) -> Result<Option<PenetrationCor
     }))
 }
 
-fn partition(source: &ColumnSource) -> Result<PartitionRule> {
+fn partition<R: ColumnReader>(source: &R) -> Result<PartitionRule, R::Error> {
     let rule = source.text("solver/partition")?;
     let numbers: Vec<u32> = source.numbers("solver/partition_numbers", None, 1)?;
     match (rule.as_str(), &numbers[..]) {
@@ -336,7 +360,7 @@ fn partition(source: &ColumnSource) -> Result<PartitionRule> {
         _ => {
             let found = format!("{rule:?} with {} numbers", numbers.len());
             let expected = "\"boxes\" with 3 numbers, \"balanced\" or \"contacts per\" with 1";
-            Err(Fault::new("solver/partition", expected, found).in_file(source.path))
+            Err(source.error(Fault::new("solver/partition", expected, found)))
         }
     }
 }

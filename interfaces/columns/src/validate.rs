@@ -3,7 +3,7 @@
 //! Reads: model, state. Cost: linear in their size. Contract: a valid state can be stepped without an index
 //! out of range, a division by zero or a number that is not finite.
 
-use crate::error::Fault;
+use crate::fault::Fault;
 use ballast::Error as CoreError;
 use ballast::geometry::Polyhedron;
 use ballast::math::Vec3;
@@ -15,7 +15,11 @@ type CheckResult = Result<(), Fault>;
 /// Maximum deviation of the length of a unit vector from 1; rounding stays within a few 1e-16.
 const UNIT: f64 = 1e-9;
 
-pub(crate) fn check(model: &Model, state: &State) -> CheckResult {
+/// Checks a model and its state.
+///
+/// # Errors
+/// The first invalid value.
+pub fn check(model: &Model, state: &State) -> CheckResult {
     model.check().map_err(fault)?;
     state.check(model).map_err(fault)?;
     for (s, shape) in model.shapes.iter().enumerate() {

@@ -12,10 +12,11 @@ use ballast::state::State;
 /// The first 128 bits of BLAKE3 over names, widths, lengths and little-endian values of all columns.
 /// `0.0` and `-0.0` differ. The hash does not depend on a file.
 pub fn state_hash(model: &Model, state: &State) -> u128 {
-    of_columns(&columns::of(model, state))
+    columns_hash(&columns::of(model, state))
 }
 
-pub(crate) fn of_columns(columns: &[Column]) -> u128 {
+/// Returns the hash of columns.
+pub fn columns_hash(columns: &[Column]) -> u128 {
     let mut sink = HashBuffer { hasher: blake3::Hasher::new(), buffer: vec![0; BUFFER] };
     columns.iter().for_each(|column| sink.feed(column));
     let HashBuffer { hasher, .. } = sink;

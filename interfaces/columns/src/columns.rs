@@ -17,9 +17,12 @@ use std::borrow::Cow;
 
 /// Named array `[rows]` or, where `width` is above 1, `[rows, width]`.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Column<'a> {
+pub struct Column<'a> {
+    /// Path of the column in files.
     pub name: &'static str,
+    /// Number of values per row.
     pub width: usize,
+    /// Values, row by row.
     pub data: Data<'a>,
 }
 
@@ -30,26 +33,34 @@ impl Column<'_> {
     }
 }
 
+/// Values of a column.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Data<'a> {
+pub enum Data<'a> {
+    /// Numbers.
     F64(Cow<'a, [f64]>),
     /// Rows of x, y, z.
     Vectors(&'a [Vec3]),
     /// Rows of w, x, y, z, the usual order in NumPy programs.
     Quaternions(&'a [Quat]),
+    /// Times, counts and features.
     U64(Cow<'a, [u64]>),
+    /// Numbers of bodies and shapes.
     U32(Cow<'a, [u32]>),
+    /// Numbers of vertices and faces.
     U16(Vec<u16>),
+    /// Kinds.
     U8(Vec<u8>),
+    /// Texts.
     Text(Vec<String>),
 }
 
 /// Returns the components of a vector.
-pub(crate) fn xyz(v: &Vec3) -> [f64; 3] {
+pub fn xyz(v: &Vec3) -> [f64; 3] {
     [v.x, v.y, v.z]
 }
 
-pub(crate) fn wxyz(q: &Quat) -> [f64; 4] {
+/// Returns the components of a quaternion, scalar first.
+pub fn wxyz(q: &Quat) -> [f64; 4] {
     [q.w, q.i, q.j, q.k]
 }
 
@@ -58,7 +69,7 @@ pub(crate) const CONVEX: u8 = 0;
 pub(crate) const HALF_SPACE: u8 = 1;
 
 /// Returns the hashed columns of a model and a state, in the order of the format.
-pub(crate) fn of<'a>(model: &'a Model, state: &'a State) -> Vec<Column<'a>> {
+pub fn of<'a>(model: &'a Model, state: &'a State) -> Vec<Column<'a>> {
     let mut columns = shapes(&model.shapes);
     columns.extend(bodies(model));
     columns.extend(constants(model));
@@ -218,18 +229,18 @@ fn placement(part: &Part) -> [f64; 7] {
 }
 
 /// Name of the column with the interval of force checks, only where it is not the default.
-pub const FORCE_CHECK: &str = "solver/force_check_interval";
+pub(crate) const FORCE_CHECK: &str = "solver/force_check_interval";
 /// Name of an empty column, only in files of models without acceleration.
-pub const PLAIN: &str = "solver/plain";
+pub(crate) const PLAIN: &str = "solver/plain";
 /// Name of the column with stiffness, ratio and damping time of the contacts between grains, then of those with each
 /// driven body; only in files of models whose contacts are not all rigid.
-pub const STIFFNESS: &str = "model/contact_stiffness";
+pub(crate) const STIFFNESS: &str = "model/contact_stiffness";
 /// Name of the column with the energy of the contacts' springs at the start of the run and now, only where there is any.
-pub const ELASTIC: &str = "state/elastic_energy";
+pub(crate) const ELASTIC: &str = "state/elastic_energy";
 /// Name of the column with the overlaps of the contacts' springs, m; only where there are any.
-pub const OVERLAP: &str = "contacts/overlap";
+pub(crate) const OVERLAP: &str = "contacts/overlap";
 /// Name of the column with factor and slop, only in files of models with penetration correction.
-pub const RECOVERY: &str = "solver/recovery";
+pub(crate) const RECOVERY: &str = "solver/recovery";
 
 fn constants(model: &Model) -> Vec<Column<'_>> {
     let Solver {
@@ -292,7 +303,8 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
     columns
 }
 
-fn of_state(state: &State) -> Vec<Column<'_>> {
+/// Returns the hashed columns of a state.
+pub fn of_state(state: &State) -> Vec<Column<'_>> {
     let memory = &state.contacts;
     let energy = &state.energy;
     let mut columns = vec![
@@ -337,7 +349,7 @@ fn of_state(state: &State) -> Vec<Column<'_>> {
 pub(crate) const TWIST: usize = 7;
 
 /// Returns the columns of the window memory and of the driver state, which are written but not hashed.
-pub(crate) fn of_memory(state: &State) -> Vec<Column<'_>> {
+pub fn of_memory(state: &State) -> Vec<Column<'_>> {
     let (window, driver) = (&state.window, &state.driver);
     let twist = |twist: &Option<Twist>| {
         let Twist { velocity: v, angular_velocity: w } = twist.unwrap_or_default();

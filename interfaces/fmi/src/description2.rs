@@ -1,0 +1,96 @@
+//! Description of a unit after FMI 2.0: scalars only.
+
+use crate::bed::UnitBed;
+use crate::description::{
+    Attributes, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment, document,
+    element, empty, has_start, input_times, log_categories, start, summary, units, usage, whole,
+};
+use crate::variables::{ValueType, Variable, VariableTable, VariableUse, scalar_reference};
+use std::io;
+
+/// Returns `modelDescription.xml`.
+pub(crate) fn model_description(
+    bed: &UnitBed,
+    table: &VariableTable,
+    token: &str,
+) -> io::Result<Vec<u8>> {
+    let attributes = vec![
+        ("fmiVersion", "2.0".into()),
+        ("modelName", bed.name.clone()),
+        ("guid", token.into()),
+        ("description", summary(bed)),
+        ("generationTool", TOOL.into()),
+        ("variableNamingConvention", "structured".into()),
+        ("numberOfEventIndicators", "0".into()),
+    ];
+    document("fmiModelDescription", attributes, |xml| {
+        let yes = || "true".to_string();
+        let abilities = vec![
+            ("modelIdentifier", MODEL_IDENTIFIER.into()),
+            ("canHandleVariableCommunicationStepSize", yes()),
+            ("canNotUseMemoryManagementFunctions", yes()),
+            ("canGetAndSetFMUstate", yes()),
+            ("canSerializeFMUstate", yes()),
+        ];
+        empty(xml, "CoSimulation", abilities)?;
+        units(xml)?;
+        element(xml, "TypeDefinitions", vec![], |xml| {
+            element(xml, "SimpleType", vec![("name", INPUT_TIME_TYPE.into())], |xml| {
+                element(xml, "Enumeration", vec![], input_times)
+            })
+        })?;
+        log_categories(xml)?;
+        default_experiment(xml, bed)?;
+        element(xml, "ModelVariables", vec![], |xml| {
+            for variable in &table.variables {
+                (0..variable.count).try_for_each(|k| scalar(xml, variable, k))?;
+            }
+            Ok(())
+        })?;
+        element(xml, "ModelStructure", vec![], |xml| {
+            element(xml, "Outputs", vec![], |xml| unknowns(xml, table))?;
+            element(xml, "InitialUnknowns", vec![], |xml| unknowns(xml, table))
+        })
+    })
+}
+
+fn scalar(xml: &mut XmlWriter, variable: &Variable, k: usize) -> io::Result<()> {
+    let mut attributes = vec![
+        ("name", variable.scalar_name(k)),
+        ("valueReference", scalar_reference(variable.first + k).to_string()),
+        ("description", variable.description.clone()),
+    ];
+    attributes.extend(usage(variable));
+    element(xml, "ScalarVariable", attributes, |xml| {
+        let value = variable.start[k];
+        let mut of_type: Attributes = Vec::new();
+        let (name, text) = match variable.kind {
+            ValueType::Real => ("Real", start(&[value])),
+            ValueType::Integer => ("Integer", whole(value)),
+            ValueType::InputTime => {
+                of_type.push(("declaredType", INPUT_TIME_TYPE.into()));
+                ("Enumeration", whole(value))
+            }
+            ValueType::Text => ("String", String::new()),
+        };
+        if !variable.unit.is_empty() {
+            of_type.push(("unit", variable.unit.into()));
+        }
+        if has_start(variable) {
+            of_type.push(("start", text));
+        }
+        empty(xml, name, of_type)
+    })
+}
+
+/// Writes the outputs: none depends on an input at the same time.
+fn unknowns(xml: &mut XmlWriter, table: &VariableTable) -> io::Result<()> {
+    for variable in table.variables.iter().filter(|v| v.usage == VariableUse::Output) {
+        for element in variable.elements() {
+            // Numbers of variables are counted from 1.
+            let index = (element + 1).to_string();
+            empty(xml, "Unknown", vec![("index", index), ("dependencies", String::new())])?;
+        }
+    }
+    Ok(())
+}
