@@ -81,7 +81,7 @@ pub enum Command {
     },
     /// Validate the program against exact laws, published experiments and convergence
     Validate(ValidateArgs),
-    /// Export a results file as CSV tables and VTK shapes
+    /// Export a results file as CSV tables and VTK shapes, or a case as a co-simulation unit (FMU)
     Export(ExportArgs),
     /// Solve friction-contact problems (FCLIB, HDF5) and measure the errors
     Solve(SolveArgs),
@@ -376,12 +376,59 @@ pub struct PushArgs {
 }
 
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 pub struct ExportArgs {
+    #[command(subcommand)]
+    pub command: Option<ExportCommand>,
+    #[command(flatten)]
+    pub tables: Option<ExportTablesArgs>,
+}
+
+#[derive(Debug, Args)]
+pub struct ExportTablesArgs {
     /// Results file, or the folder of a run
     pub results: PathBuf,
     /// Folder to write to
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum ExportCommand {
+    /// Export a case with its prepared bed as a co-simulation unit (FMU) for FMI 2.0 or 3.0
+    Fmu(ExportFmuArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct ExportFmuArgs {
+    /// Case file (TOML)
+    pub case: PathBuf,
+    /// Unit to write (.fmu); for both versions, _fmi2 and _fmi3 are added to its name
+    #[arg(short, long, value_name = "FILE")]
+    pub out: PathBuf,
+    /// Version of FMI
+    #[arg(long, value_name = "VERSION", default_value = "2")]
+    pub fmi: FmiName,
+    /// Library of units (default: the one beside the program)
+    #[arg(long, value_name = "FILE")]
+    pub library: Option<PathBuf>,
+    #[command(flatten)]
+    pub beds: BedCacheArgs,
+    #[command(flatten)]
+    pub overrides: OverrideArgs,
+}
+
+/// Versions of FMI, by name.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FmiName {
+    /// FMI 2.0: scalars
+    #[value(name = "2")]
+    Two,
+    /// FMI 3.0: arrays, the same as scalars, terminals
+    #[value(name = "3")]
+    Three,
+    /// A unit for each version
+    Both,
 }
 
 #[derive(Debug, Args)]

@@ -1,14 +1,29 @@
-//! `ballast export RESULTS --out DIR`: tables and shapes for other programs.
+//! `ballast export`: tables and shapes of results, or a case as a co-simulation unit.
 
 use super::expected_file::ExpectedFile;
-use crate::args::ExportArgs;
+use crate::args::{ExportArgs, ExportCommand, ExportFmuArgs, ExportTablesArgs, FmiName};
+use crate::beds;
+use crate::case::{self, CaseOverrides};
 use crate::console::Console;
+use crate::files::{begins_with, check_replaceable};
+use crate::interrupt;
+use ballast_fmu::bed::UnitBed;
+use ballast_fmu::package::{FmiVersion, LIBRARY_FILE, unit_bytes};
 use ballast_hdf5::Error;
 use ballast_session::run_files::RunFiles;
-use ballast_session::{Reporter, Result};
+use ballast_session::{Failure, Reporter, Result};
 use serde_json::json;
+use std::path::{Path, PathBuf};
 
 pub fn export(args: ExportArgs, console: Console) -> Result {
+    match (args.command, args.tables) {
+        (Some(ExportCommand::Fmu(args)), _) => export_units(&args, console),
+        (None, Some(args)) => export_tables(&args, console),
+        (None, None) => Err(Failure::Usage("export: expected a results file, found none".into())),
+    }
+}
+
+fn export_tables(args: &ExportTablesArgs, console: Console) -> Result {
     let results = ExpectedFile::Results.find(&args.results)?;
     let run = RunFiles::beside(&results);
     let files = ballast_hdf5::export::export(&results, &args.out);
@@ -20,4 +35,67 @@ pub fn export(args: ExportArgs, console: Console) -> Result {
     console.result(&format!("{count} files written to {}", args.out.display()));
     console.event("exported", json!({ "folder": args.out, "files": files }));
     Ok(())
+}
+
+fn export_units(args: &ExportFmuArgs, console: Console) -> Result {
+    interrupt::install()?;
+    let units = units(args);
+    // Checked before the bed is prepared, which may take long.
+    for (path, _) in &units {
+        let is_archive = || begins_with(path, b"PK");
+        check_replaceable(path, "a unit (.fmu)", is_archive).map_err(|e| Failure::at(path, e))?;
+    }
+    let library = library(args.library.as_deref())?;
+    let choices = CaseOverrides::from(&args.overrides);
+    let case = case::load(&args.case, &choices, &console)?;
+    let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
+    let bed = UnitBed::new(model, state, case.text.clone(), case.overrides);
+    let bed = bed.map_err(|e| case::invalid(&case, e))?;
+    for (path, version) in &units {
+        let bytes = unit_bytes(&bed, &library, *version).map_err(|e| Failure::at(path, e))?;
+        ballast_hdf5::replace(path, &[&bytes])?;
+        console.result(&format!("written: {}", path.display()));
+    }
+    let files: Vec<&Path> = units.iter().map(|(path, _)| path.as_path()).collect();
+    console.event("exported", json!({ "files": files }));
+    Ok(())
+}
+
+/// Returns the units to write with their versions.
+fn units(args: &ExportFmuArgs) -> Vec<(PathBuf, FmiVersion)> {
+    let named = |suffix: &str| {
+        let stem = args.out.file_stem().unwrap_or_default().to_string_lossy();
+        args.out.with_file_name(format!("{stem}{suffix}.fmu"))
+    };
+    match args.fmi {
+        FmiName::Two => vec![(args.out.clone(), FmiVersion::Two)],
+        FmiName::Three => vec![(args.out.clone(), FmiVersion::Three)],
+        FmiName::Both => {
+            vec![(named("_fmi2"), FmiVersion::Two), (named("_fmi3"), FmiVersion::Three)]
+        }
+    }
+}
+
+/// Reads the library of units: the given one, or the one beside the program.
+fn library(given: Option<&Path>) -> Result<Vec<u8>> {
+    let path = match given {
+        Some(path) => path.to_path_buf(),
+        None => {
+            let program = std::env::current_exe().unwrap_or_default();
+            let folder = program.parent().unwrap_or(Path::new("."));
+            // Cargo leaves libraries that it builds for other packages in `deps`.
+            let places = [folder.join(LIBRARY_FILE), folder.join("deps").join(LIBRARY_FILE)];
+            let found = places.iter().find(|path| path.is_file()).cloned();
+            found.ok_or_else(|| no_library(&places[0]))?
+        }
+    };
+    std::fs::read(&path).map_err(|e| Failure::at(&path, e))
+}
+
+fn no_library(expected: &Path) -> Failure {
+    let expected = expected.display();
+    Failure::Failed(format!(
+        "expected the library of units at {expected}, found none; build it with `cargo build --release --locked -p ballast-fmi` \
+         and give it with --library target/release/{LIBRARY_FILE}"
+    ))
 }
