@@ -1,0 +1,6 @@
+//! Units of a small case, driven through the C functions of both versions.
+
+mod driver;
+mod random_calls;
+mod states;
+mod steps;
