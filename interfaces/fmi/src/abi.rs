@@ -1,21 +1,22 @@
 //! Guards of the C functions: pointers, phases and panics, checked in one place.
 
 use crate::bed::Error;
-use crate::instance::{Complaint, Instance, Phase, Status};
+use crate::instance::Instance;
 use crate::logger::{LogReceiver, UnitLogger};
-use crate::saved_state::SavedState;
+use crate::status::{Complaint, Status, UnitPhase};
+use crate::unit_state::UnitState;
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Phases in which a call is legal, as a sum of [`Phase`]s.
+/// Phases in which a call is legal, as a sum of [`UnitPhase`]s.
 pub(crate) type Phases = u8;
 
 pub(crate) const ANY: Phases = 31;
 /// Phases in which the component is usable.
-pub(crate) const SOUND: Phases = ANY - Phase::Failed as u8;
+pub(crate) const SOUND: Phases = ANY - UnitPhase::Failed as u8;
 /// Phases before the end of the initialisation, and between steps.
-pub(crate) const BEFORE_END: Phases = SOUND - Phase::Terminated as u8;
+pub(crate) const BEFORE_END: Phases = SOUND - UnitPhase::Terminated as u8;
 
 /// Result of a call.
 pub(crate) type CallResult = Result<Status, Complaint>;
@@ -130,7 +131,7 @@ pub(crate) fn array<'a, T>(first: *const T, len: usize) -> Result<&'a [T], Compl
     match (first.is_null(), len) {
         (_, 0) => Ok(&[]),
         (true, _) => Err(Complaint::error("array: expected a pointer, found null")),
-        // SAFETY: the importer says that so many values are there.
+        // SAFETY: the importer says that the values are there.
         (false, len) => Ok(unsafe { std::slice::from_raw_parts(first, len) }),
     }
 }
@@ -141,7 +142,7 @@ pub(crate) fn array_mut<'a, T>(first: *mut T, len: usize) -> Result<&'a mut [T],
     match (first.is_null(), len) {
         (_, 0) => Ok(&mut []),
         (true, _) => Err(Complaint::error("array: expected a pointer, found null")),
-        // SAFETY: the importer says that so much room is there.
+        // SAFETY: the importer says that the room is there.
         (false, len) => Ok(unsafe { std::slice::from_raw_parts_mut(first, len) }),
     }
 }
@@ -172,7 +173,7 @@ pub(crate) fn get_state(instance: &Instance, place: *mut *mut c_void) -> CallRes
 
 /// Restores a saved state.
 pub(crate) fn set_state(instance: &mut Instance, saved: *mut c_void) -> CallResult {
-    instance.restore(expect_pointer(saved.cast::<SavedState>(), "state")?)?;
+    instance.restore(expect_pointer(saved.cast::<UnitState>(), "state")?)?;
     Ok(Status::Ok)
 }
 
@@ -188,20 +189,20 @@ pub(crate) fn free_state(place: *mut *mut c_void) -> CallResult {
 fn drop_state(saved: *mut c_void) {
     if !saved.is_null() {
         // SAFETY: the importer passes what `get_state` returned, once.
-        drop(unsafe { Box::from_raw(saved.cast::<SavedState>()) });
+        drop(unsafe { Box::from_raw(saved.cast::<UnitState>()) });
     }
 }
 
 /// Returns the length of a serialised state.
 pub(crate) fn state_size(saved: *mut c_void, size: *mut usize) -> CallResult {
-    let saved = expect_pointer(saved.cast::<SavedState>(), "state")?;
+    let saved = expect_pointer(saved.cast::<UnitState>(), "state")?;
     *expect_pointer(size, "size")? = saved.to_bytes().len();
     Ok(Status::Ok)
 }
 
 /// Serialises a state.
 pub(crate) fn write_state(saved: *mut c_void, bytes: *mut u8, size: usize) -> CallResult {
-    let saved = expect_pointer(saved.cast::<SavedState>(), "state")?.to_bytes();
+    let saved = expect_pointer(saved.cast::<UnitState>(), "state")?.to_bytes();
     let Some(place) = array_mut(bytes, size)?.get_mut(..saved.len()) else {
         let text = format!("size: expected {} bytes, found {size}", saved.len());
         return Err(Complaint::error(text));

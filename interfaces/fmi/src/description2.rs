@@ -5,7 +5,8 @@ use crate::description::{
     Attributes, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment, document,
     element, empty, has_start, input_times, log_categories, start, summary, units, usage, whole,
 };
-use crate::variables::{ValueType, Variable, VariableTable, VariableUse, scalar_reference};
+use crate::variable_table::VariableTable;
+use crate::variables::{ValueType, Variable, VariableUse, scalar_reference};
 use std::io;
 
 /// Returns `modelDescription.xml`.

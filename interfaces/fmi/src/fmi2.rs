@@ -4,8 +4,9 @@
 //! a module of their kind and return an error.
 
 use crate::abi::{self, ANY, BEFORE_END, SOUND, array, array_mut};
-use crate::instance::{Complaint, PartialStep, Phase, Status};
+use crate::instance::PartialStep;
 use crate::logger::{LogFunction2, LogReceiver};
+use crate::status::{Complaint, Status, UnitPhase};
 use crate::variables::ValueType;
 use percent_encoding::percent_decode_str;
 use std::ffi::{c_char, c_int, c_void};
@@ -110,7 +111,7 @@ macro_rules! functions {
 }
 pub(crate) use functions;
 
-const BEFORE: u8 = Phase::Instantiated as u8;
+const BEFORE: u8 = UnitPhase::Instantiated as u8;
 
 functions! {
     /// Selects categories of messages.
@@ -131,13 +132,13 @@ functions! {
     }
 
     /// Leaves the initialisation.
-    fmi2ExitInitializationMode(i, Phase::Initialization as u8) {
+    fmi2ExitInitializationMode(i, UnitPhase::Initialization as u8) {
         i.exit_initialization()?;
         Ok(Status::Ok)
     }
 
     /// Ends the simulation.
-    fmi2Terminate(i, Phase::Step as u8) {
+    fmi2Terminate(i, UnitPhase::Step as u8) {
         i.terminate();
         Ok(Status::Ok)
     }
@@ -236,7 +237,7 @@ functions! {
     /// Advances by a step.
     ///
     /// A step that ends early is discarded; its complete time steps stay, up to the last successful time.
-    fmi2DoStep(i, Phase::Step as u8, time: f64, length: f64, _no_set_state: c_int) {
+    fmi2DoStep(i, UnitPhase::Step as u8, time: f64, length: f64, _no_set_state: c_int) {
         let outcome = i.do_step(time, length, PartialStep::Keep)?;
         Ok(if outcome.is_early { Status::Discard } else { outcome.status })
     }

@@ -14,7 +14,7 @@ macro_rules! unsupported {
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $name(c: *mut std::ffi::c_void $(, _: $type)*) -> std::ffi::c_int {
             $crate::abi::call(c, stringify!($name), $crate::abi::ANY, |_| {
-                Err($crate::instance::Complaint::error("expected a unit that supports it, found one that does not"))
+                Err($crate::status::Complaint::error("expected a unit that supports it, found one that does not"))
             })
         }
     )*};

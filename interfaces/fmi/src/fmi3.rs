@@ -4,8 +4,9 @@
 
 use crate::abi::{self, ANY};
 use crate::fmi2::functions;
-use crate::instance::{PartialStep, Phase, Status};
+use crate::instance::PartialStep;
 use crate::logger::{LogFunction3, LogReceiver};
+use crate::status::{Status, UnitPhase};
 use std::ffi::{c_char, c_void};
 
 pub use crate::fmi3_types::*;
@@ -70,20 +71,20 @@ functions! {
     }
 
     /// Sets the start time and enters the initialisation; tolerance and stop time have no effect.
-    fmi3EnterInitializationMode(i, Phase::Instantiated as u8, _defined: u8, _tolerance: f64, start: f64, _stops: u8, _stop: f64) {
+    fmi3EnterInitializationMode(i, UnitPhase::Instantiated as u8, _defined: u8, _tolerance: f64, start: f64, _stops: u8, _stop: f64) {
         i.set_start(start)?;
         i.enter_initialization();
         Ok(Status::Ok)
     }
 
     /// Leaves the initialisation.
-    fmi3ExitInitializationMode(i, Phase::Initialization as u8) {
+    fmi3ExitInitializationMode(i, UnitPhase::Initialization as u8) {
         i.exit_initialization()?;
         Ok(Status::Ok)
     }
 
     /// Ends the simulation.
-    fmi3Terminate(i, Phase::Step as u8) {
+    fmi3Terminate(i, UnitPhase::Step as u8) {
         i.terminate();
         Ok(Status::Ok)
     }
@@ -96,7 +97,7 @@ functions! {
 
     /// Advances by a step; one that fails ends early where the importer allows it, and is discarded elsewhere.
     fmi3DoStep(
-        i, Phase::Step as u8, time: f64, length: f64, _no_set_state: u8, event_needed: *mut u8, terminate: *mut u8,
+        i, UnitPhase::Step as u8, time: f64, length: f64, _no_set_state: u8, event_needed: *mut u8, terminate: *mut u8,
         early: *mut u8, last_time: *mut f64
     ) {
         abi::put(event_needed, 0);

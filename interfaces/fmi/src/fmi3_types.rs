@@ -2,7 +2,7 @@
 
 use crate::abi::{self, BEFORE_END, SOUND, array, array_mut};
 use crate::fmi2::functions;
-use crate::instance::Status;
+use crate::status::Status;
 use crate::variables::ValueType;
 use std::ffi::{c_char, c_void};
 

@@ -3,8 +3,9 @@
 //! An importer gives values, the component receives waveforms. Every motion begins where the last window ended, so that
 //! it never jumps.
 
-use crate::instance::Complaint;
-use crate::variables::{Quantity, VariableTable};
+use crate::status::Complaint;
+use crate::variable_table::VariableTable;
+use crate::variables::Quantity;
 use ballast::component::{
     Component, Interpolation, Knot, LoadInput, LoadKnot, LoadWaveform, MotionInput, Waveform,
     WindowInputs,

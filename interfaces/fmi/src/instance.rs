@@ -7,82 +7,16 @@ use crate::bed::{Error, UnitBed};
 use crate::inputs::{InputMarks, InputValues};
 use crate::logger::UnitLogger;
 use crate::outputs;
-use crate::saved_state::SavedState;
-use crate::variables::{
-    INPUT_TIMES, Quantity, TIME, ValueType, Variable, VariableTable, VariableUse,
-};
+use crate::status::{Complaint, Status, UnitPhase};
+use crate::unit_state::UnitState;
+use crate::variable_table::VariableTable;
+use crate::variables::{INPUT_TIMES, Quantity, TIME, ValueType, Variable, VariableUse};
 use ballast::component::{Component, Parameters, Refusal, WindowInputs, WindowStatus};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::ffi::CString;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Status of a call, with the numbers of both versions of FMI.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Status {
-    /// Done.
-    Ok = 0,
-    /// Done; some time step did not converge.
-    Warning = 1,
-    /// Not done, nothing changed; other inputs or a shorter step may succeed.
-    Discard = 2,
-    /// Not done: an illegal call, or an internal error.
-    Error = 3,
-}
-
-/// Reason for which a call was not done.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Complaint {
-    /// Status of the call.
-    pub status: Status,
-    /// Message for the log.
-    pub text: String,
-}
-
-impl Complaint {
-    /// Creates a complaint about an illegal call.
-    pub fn error(text: impl Into<String>) -> Self {
-        Self { status: Status::Error, text: text.into() }
-    }
-
-    /// Creates a complaint about values that cannot be used.
-    pub fn discard(text: impl Into<String>) -> Self {
-        Self { status: Status::Discard, text: text.into() }
-    }
-}
-
-/// Phase of an instance.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// Created or reset.
-    Instantiated = 1,
-    /// Between the calls that enter and leave the initialisation.
-    Initialization = 2,
-    /// Ready for a step.
-    Step = 4,
-    /// Terminated by the importer.
-    Terminated = 8,
-    /// Stopped by an internal error: a reset or a restored state leads out of it.
-    Failed = 16,
-}
-
-impl Phase {
-    /// Every phase.
-    pub const ALL: [Phase; 5] =
-        [Phase::Instantiated, Phase::Initialization, Phase::Step, Phase::Terminated, Phase::Failed];
-
-    /// Returns the phase's name in messages.
-    pub fn name(self) -> &'static str {
-        match self {
-            Phase::Instantiated => "instantiated",
-            Phase::Initialization => "initialization mode",
-            Phase::Step => "step mode",
-            Phase::Terminated => "terminated",
-            Phase::Failed => "failed",
-        }
-    }
-}
 
 /// Treatment of a step that ends before its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -113,7 +47,7 @@ pub struct Instance {
     pool: Option<(usize, ThreadPool)>,
     values: Vec<f64>,
     marks: InputMarks,
-    phase: Phase,
+    phase: UnitPhase,
     start_s: f64,
     /// True if the importer accepts steps that end early (FMI 3.0).
     pub accepts_early_return: bool,
@@ -152,7 +86,7 @@ impl Instance {
             component,
             bed,
             pool: None,
-            phase: Phase::Instantiated,
+            phase: UnitPhase::Instantiated,
             start_s: 0.0,
             accepts_early_return: false,
             logger,
@@ -171,13 +105,13 @@ impl Instance {
     }
 
     /// Returns the phase.
-    pub fn phase(&self) -> Phase {
+    pub fn phase(&self) -> UnitPhase {
         self.phase
     }
 
     /// Marks the instance as failed after a panic.
     pub fn fail(&mut self) {
-        self.phase = Phase::Failed;
+        self.phase = UnitPhase::Failed;
     }
 
     /// Returns the time of the importer, s.
@@ -202,7 +136,7 @@ impl Instance {
 
     /// Enters the initialisation.
     pub fn enter_initialization(&mut self) {
-        self.phase = Phase::Initialization;
+        self.phase = UnitPhase::Initialization;
     }
 
     /// Leaves the initialisation: threads start, parameters are fixed.
@@ -211,13 +145,13 @@ impl Instance {
     /// Threads that cannot be started.
     pub fn exit_initialization(&mut self) -> Result<(), Complaint> {
         self.start_threads()?;
-        self.phase = Phase::Step;
+        self.phase = UnitPhase::Step;
         Ok(())
     }
 
     /// Ends the simulation.
     pub fn terminate(&mut self) {
-        self.phase = Phase::Terminated;
+        self.phase = UnitPhase::Terminated;
     }
 
     /// Returns to the state after the creation.
@@ -230,7 +164,7 @@ impl Instance {
         self.component.recover(start).map_err(refused)?;
         self.values = self.table.start_values();
         self.marks = InputMarks::new(self.bed.model.driven.len());
-        self.phase = Phase::Instantiated;
+        self.phase = UnitPhase::Instantiated;
         self.start_s = 0.0;
         self.pool = None;
         Ok(())
@@ -332,7 +266,7 @@ impl Instance {
     fn expect_settable(&self, variable: &Variable) -> Result<(), Complaint> {
         let is_settable = match variable.usage {
             VariableUse::Input | VariableUse::Tunable => true,
-            VariableUse::Fixed => self.phase != Phase::Step,
+            VariableUse::Fixed => self.phase != UnitPhase::Step,
             VariableUse::Output | VariableUse::Constant | VariableUse::Local => false,
         };
         if is_settable {
@@ -476,8 +410,8 @@ impl Instance {
     }
 
     /// Returns everything that the next step depends on.
-    pub fn save(&self) -> SavedState {
-        SavedState::new(
+    pub fn save(&self) -> UnitState {
+        UnitState::new(
             Arc::clone(&self.token),
             self.component.save(),
             self.values.clone(),
@@ -491,7 +425,7 @@ impl Instance {
     ///
     /// # Errors
     /// A state of another unit.
-    pub fn restore(&mut self, saved: &SavedState) -> Result<(), Complaint> {
+    pub fn restore(&mut self, saved: &UnitState) -> Result<(), Complaint> {
         if saved.token != self.token {
             let (expected, found) = (&self.token, &saved.token);
             return Err(Complaint::error(format!(
@@ -499,7 +433,7 @@ impl Instance {
             )));
         }
         let state = Arc::clone(&saved.state);
-        let restored = if self.phase == Phase::Failed {
+        let restored = if self.phase == UnitPhase::Failed {
             self.component.recover(state)
         } else {
             self.component.restore(state)
@@ -516,9 +450,9 @@ impl Instance {
     ///
     /// # Errors
     /// Changed bytes, or those of another unit.
-    pub fn read_state(&self, bytes: &[u8]) -> Result<SavedState, Complaint> {
+    pub fn read_state(&self, bytes: &[u8]) -> Result<UnitState, Complaint> {
         let (model, elements) = (&self.bed.model, self.table.element_count());
-        SavedState::from_bytes(bytes, &self.token, model, elements)
+        UnitState::from_bytes(bytes, &self.token, model, elements)
             .map_err(|fault| Complaint::error(format!("serialised state: {fault}")))
     }
 }

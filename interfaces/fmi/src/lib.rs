@@ -20,5 +20,7 @@ pub mod instance;
 mod logger;
 mod outputs;
 pub mod package;
-mod saved_state;
+pub mod status;
+mod unit_state;
+pub mod variable_table;
 pub mod variables;

@@ -1,6 +1,6 @@
 //! Messages to the importer.
 
-use crate::instance::Status;
+use crate::status::Status;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};
 
 /// Function of an importer that receives messages after FMI 2.0, as `printf` does.

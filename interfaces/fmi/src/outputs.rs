@@ -1,6 +1,7 @@
 //! Values of the output variables after a window.
 
-use crate::variables::{Quantity, VariableTable, VariableUse, pose_values};
+use crate::variable_table::VariableTable;
+use crate::variables::{Quantity, VariableUse, pose_values};
 use ballast::component::WindowResult;
 use ballast::math::Vec3;
 

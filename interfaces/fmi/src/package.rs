@@ -2,7 +2,7 @@
 
 use crate::bed::{BED_FILE, Error, UnitBed, token};
 use crate::description::MODEL_IDENTIFIER;
-use crate::variables::VariableTable;
+use crate::variable_table::VariableTable;
 use crate::{description2, description3};
 use std::io::{Cursor, Write};
 use zip::CompressionMethod;

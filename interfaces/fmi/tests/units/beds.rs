@@ -15,9 +15,10 @@ fn read_back(bed: &UnitBed) -> UnitBed {
 fn a_bed_is_read_back_to_the_bit() {
     let bed = &unpacked().bed;
     let again = read_back(bed);
-    assert_eq!((&again.model, &again.state), (&bed.model, &bed.state));
+    // Without the operands, which have thousands of numbers.
+    assert!(again.model == bed.model);
     assert_eq!((&again.case_text, again.overrides), (&bed.case_text, bed.overrides));
-    assert_eq!(again.to_bytes(), bed.to_bytes());
+    assert!(again.to_bytes() == bed.to_bytes());
 }
 
 #[test]
@@ -30,7 +31,7 @@ fn rigid_bodies_among_compliant_ones_are_read_back() {
     let state = State::clone(&unpacked().bed.state);
     let bed = UnitBed::new(model, state, CASE.into(), CaseOverrides::default()).unwrap();
     assert!(bed.model.driven[1].stiffness.is_rigid());
-    assert_eq!(read_back(&bed).model, bed.model);
+    assert!(read_back(&bed).model == bed.model);
 }
 
 #[test]
@@ -39,6 +40,6 @@ fn equal_beds_give_equal_archives() {
     for version in [FmiVersion::Two, FmiVersion::Three] {
         let archive = unit_bytes(bed, b"library", version).unwrap();
         assert!(archive.starts_with(b"PK"));
-        assert_eq!(unit_bytes(&read_back(bed), b"library", version).unwrap(), archive);
+        assert!(unit_bytes(&read_back(bed), b"library", version).unwrap() == archive);
     }
 }

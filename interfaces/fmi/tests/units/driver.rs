@@ -2,7 +2,7 @@
 
 use ballast::track;
 use ballast_fmu::bed::{BED_FILE, UnitBed, token};
-use ballast_fmu::variables::VariableTable;
+use ballast_fmu::variable_table::VariableTable;
 use ballast_fmu::{fmi2, fmi3};
 use ballast_scenario::CaseOverrides;
 use std::ffi::{CStr, CString, c_char, c_int, c_void};

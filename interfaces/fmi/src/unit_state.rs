@@ -1,7 +1,7 @@
 //! States of an instance that an importer keeps, and their bytes.
 
 use crate::inputs::InputMarks;
-use crate::instance::Phase;
+use crate::status::UnitPhase;
 use ballast::model::Model;
 use ballast::state::State;
 use ballast_columns::bytes::{self, StoredColumns};
@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 
 /// Everything that the next step of an instance depends on.
 #[derive(Debug, Clone)]
-pub struct SavedState {
+pub struct UnitState {
     /// Token of the unit.
     pub token: Arc<str>,
     /// State of the component, shared and never written to.
@@ -20,21 +20,21 @@ pub struct SavedState {
     pub values: Vec<f64>,
     /// Inputs that were set.
     pub marks: InputMarks,
-    /// Phase of the instance.
-    pub phase: Phase,
+    /// UnitPhase of the instance.
+    pub phase: UnitPhase,
     /// Time of the importer at the start of the run, s.
     pub start_s: f64,
     bytes: OnceLock<Vec<u8>>,
 }
 
-impl SavedState {
+impl UnitState {
     /// Joins the parts of a state.
     pub fn new(
         token: Arc<str>,
         state: Arc<State>,
         values: Vec<f64>,
         marks: InputMarks,
-        phase: Phase,
+        phase: UnitPhase,
         start_s: f64,
     ) -> Self {
         Self { token, state, values, marks, phase, start_s, bytes: OnceLock::new() }
@@ -58,7 +58,7 @@ impl SavedState {
         })
     }
 
-    /// Reads what [`SavedState::to_bytes`] has written for the same unit.
+    /// Reads what [`UnitState::to_bytes`] has written for the same unit.
     ///
     /// # Errors
     /// Changed bytes, or those of another unit.
@@ -77,7 +77,7 @@ impl SavedState {
         state.check(model).map_err(|e| Fault::new("state", "one of this unit", e))?;
         let flags: Vec<u8> = source.numbers("unit/inputs", Some(model.driven.len()), 1)?;
         let phase: u8 = source.number("unit/phase")?;
-        let phase = Phase::ALL.into_iter().find(|p| *p as u8 == phase);
+        let phase = UnitPhase::ALL.into_iter().find(|p| *p as u8 == phase);
         Ok(Self::new(
             Arc::clone(token),
             Arc::new(state),
