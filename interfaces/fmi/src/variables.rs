@@ -1,8 +1,7 @@
 //! Variables of a unit: names, types, meaning, value references.
 //!
 //! All numbers of an instance are one array, the *elements*; a variable is a range of it. Value reference `1 + e` is
-//! element `e` alone, and
-//! `ARRAYS + e` the whole variable that begins at element `e` (FMI 3.0).
+//! element `e` alone, and `ARRAYS + e` the whole variable that begins at element `e` (FMI 3.0).
 
 use ballast::math::Pose;
 use std::ops::Range;
