@@ -85,8 +85,9 @@ fn library(given: Option<&Path>) -> Result<Vec<u8>> {
             let folder = program.parent().unwrap_or(Path::new("."));
             // Cargo leaves libraries that it builds for other packages in `deps`.
             let places = [folder.join(LIBRARY_FILE), folder.join("deps").join(LIBRARY_FILE)];
-            let found = places.iter().find(|path| path.is_file()).cloned();
-            found.ok_or_else(|| no_library(&places[0]))?
+            let built = |path: &PathBuf| Some((path.metadata().ok()?.modified().ok()?, path.clone()));
+            let newest = places.iter().filter_map(built).max();
+            newest.ok_or_else(|| no_library(&places[0]))?.1
         }
     };
     std::fs::read(&path).map_err(|e| Failure::at(&path, e))

@@ -3,6 +3,7 @@
 mod bench;
 mod commands;
 mod endings;
+mod fmu;
 mod keeping;
 #[cfg(feature = "zenoh")]
 mod one_hash;
