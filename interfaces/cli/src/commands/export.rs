@@ -85,7 +85,8 @@ fn library(given: Option<&Path>) -> Result<Vec<u8>> {
             let folder = program.parent().unwrap_or(Path::new("."));
             // Cargo leaves libraries that it builds for other packages in `deps`.
             let places = [folder.join(LIBRARY_FILE), folder.join("deps").join(LIBRARY_FILE)];
-            let built = |path: &PathBuf| Some((path.metadata().ok()?.modified().ok()?, path.clone()));
+            let built =
+                |path: &PathBuf| Some((path.metadata().ok()?.modified().ok()?, path.clone()));
             let newest = places.iter().filter_map(built).max();
             newest.ok_or_else(|| no_library(&places[0]))?.1
         }
