@@ -1,6 +1,5 @@
 //! Guards of the C functions: pointers, phases and panics, checked in one place.
 
-use crate::bed::Error;
 use crate::instance::Instance;
 use crate::logger::{LogReceiver, UnitLogger};
 use crate::status::{Complaint, Status, UnitPhase};
@@ -84,11 +83,11 @@ pub(crate) unsafe fn instantiate(
         }
     };
     let token = token.to_string_lossy();
-    let made = catch_unwind(AssertUnwindSafe(|| Instance::new(Path::new(&path), &token, logger)));
+    let made =
+        catch_unwind(AssertUnwindSafe(|| Instance::new(Path::new(&path), &token, logger.clone())));
     match made {
         Ok(Ok(instance)) => Box::into_raw(Box::new(instance)).cast(),
-        Ok(Err((logger, error))) => {
-            let error: Error = error;
+        Ok(Err(error)) => {
             logger.log(Status::Error, &error.to_string());
             std::ptr::null_mut()
         }

@@ -62,21 +62,12 @@ impl Instance {
     ///
     /// # Errors
     /// Resources that cannot be read, or of another unit.
-    pub fn new(
-        resources: &Path,
-        token: &str,
-        logger: UnitLogger,
-    ) -> Result<Self, (UnitLogger, Error)> {
-        let made = UnitBed::read(resources).and_then(|(bed, found)| {
-            if token != found {
-                return Err(Error::Case(format!("expected the token {found}, found {token:?}")));
-            }
-            Ok((bed.component()?, bed))
-        });
-        let (component, bed) = match made {
-            Ok(parts) => parts,
-            Err(error) => return Err((logger, error)),
-        };
+    pub fn new(resources: &Path, token: &str, logger: UnitLogger) -> Result<Self, Error> {
+        let (bed, found) = UnitBed::read(resources)?;
+        if token != found {
+            return Err(Error::Case(format!("expected the token {found}, found {token:?}")));
+        }
+        let component = bed.component()?;
         let table = VariableTable::new(&bed);
         Ok(Self {
             values: table.start_values(),

@@ -24,7 +24,7 @@ pub enum LogReceiver {
 }
 
 /// Logger of an instance.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct UnitLogger {
     receiver: LogReceiver,
     name: CString,
