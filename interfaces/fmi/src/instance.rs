@@ -107,7 +107,7 @@ impl Instance {
 
     /// Returns the time of the importer, s.
     pub fn time(&self) -> f64 {
-        let run_ns = self.component.now_ns() - self.bed.state.time_ns;
+        let run_ns = self.component.now_ns().saturating_sub(self.bed.state.time_ns);
         self.start_s + run_ns as f64 * 1e-9
     }
 
@@ -150,9 +150,7 @@ impl Instance {
     /// # Errors
     /// Never, as the bed was read before.
     pub fn reset(&mut self) -> Result<(), Complaint> {
-        let start = Arc::clone(&self.bed.state);
         self.component = self.bed.component().map_err(|e| Complaint::error(e.to_string()))?;
-        self.component.recover(start).map_err(refused)?;
         self.values = self.table.start_values();
         self.marks = InputMarks::new(self.bed.model.driven.len());
         self.phase = UnitPhase::Instantiated;
