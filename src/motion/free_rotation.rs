@@ -11,7 +11,9 @@ const CONVERGED_ANGLE: f64 = 1e-15;
 const MAX_PASSES: usize = 16;
 
 /// Rotation in a step, rad, times the slenderness of the body, up to which its angular velocity counts as constant.
-const MAX_UNIFORM_TURN: f64 = 0.3;
+const MAX_UNIFORM_TURN: f64 = 0.01;
+/// Rotation in a step, rad, times the slenderness of the body, up to which impulses may act with the inertia of configuration m.
+const MAX_BLOW_TURN: f64 = 0.3;
 /// Maximum rotation in a substep of [`mean_angular_velocity`], rad.
 const MAX_SUBSTEP_TURN: f64 = 0.01;
 /// Maximum number of substeps.
@@ -76,7 +78,7 @@ impl FreeRotation<'_, Vec3> {
     pub fn predict(&self, stepping: &Stepping) -> (Quat, Vec3) {
         let h = stepping.h();
         let (before, after) = (h * (1.0 - stepping.theta), h * stepping.theta);
-        if !turns_far(self.inertia, self.angular_velocity, h) {
+        if !turns_beyond(MAX_UNIFORM_TURN, self.inertia, self.angular_velocity, h) {
             let middle = rotation::advance(self.start, &(self.angular_velocity * before));
             return (middle, self.free_angular_velocity(&middle, stepping));
         }
@@ -88,20 +90,27 @@ impl FreeRotation<'_, Vec3> {
     }
 }
 
-/// Returns true if a body with these principal moments turns so far in `h` seconds that its angular velocity, constant
-/// along a sphere's free rotation, changes much along its own.
+/// Returns true if a body with these principal moments turns so far in `h` seconds that its inertia changes much from
+/// configuration m to the end of the step.
+pub fn turns_far(inertia: &Vec3, angular_velocity: &Vec3, h: f64) -> bool {
+    turns_beyond(MAX_BLOW_TURN, inertia, angular_velocity, h)
+}
+
+/// Returns true if the rotation in `h` seconds times the slenderness, the root of the ratio of the principal moments, exceeds
+/// an angle, rad.
 ///
 /// False for what is not finite, which the plain prediction refuses by name.
-pub fn turns_far(inertia: &Vec3, angular_velocity: &Vec3, h: f64) -> bool {
+fn turns_beyond(angle: f64, inertia: &Vec3, angular_velocity: &Vec3, h: f64) -> bool {
     let slenderness_squared = inertia.max() / inertia.min();
     let turn_squared = angular_velocity.norm_squared() * h * h * slenderness_squared;
-    turn_squared.is_finite() && turn_squared > MAX_UNIFORM_TURN * MAX_UNIFORM_TURN
+    turn_squared.is_finite() && turn_squared > angle * angle
 }
 
 /// Returns the mean angular velocity, rad/s, of a body without moments over `duration` seconds, in its axes at the start.
 ///
 /// `momentum` is its angular momentum in those axes. Integrates `dL/dt = L × D⁻¹ L` in the axes of the body by the
-/// classical Runge-Kutta method.
+/// classical Runge-Kutta method, and the rotation by Magnus's exponent of fourth order from a cubic through both ends of
+/// each substep.
 fn mean_angular_velocity(inertia: &impl Inertia, momentum: Vec3, duration: f64) -> Vec3 {
     if duration == 0.0 {
         return inertia.angular_velocity(&momentum);
@@ -118,10 +127,13 @@ fn mean_angular_velocity(inertia: &impl Inertia, momentum: Vec3, duration: f64) 
         let k2 = rate(&(l + k1 * (0.5 * dt)));
         let k3 = rate(&(l + k2 * (0.5 * dt)));
         let k4 = rate(&(l + k3 * dt));
-        let middle = l + (k1 + k2) * (0.25 * dt);
-        turned *= rotation::exp(&(inertia.angular_velocity(&middle) * dt));
-        l += (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0);
-        l *= length / l.norm();
+        let mut next = l + (k1 + (k2 + k3) * 2.0 + k4) * (dt / 6.0);
+        next *= length / next.norm();
+        let middle = (l + next) * 0.5 + (k1 - rate(&next)) * (0.125 * dt);
+        let [w0, w, w1] = [&l, &middle, &next].map(|l| inertia.angular_velocity(l));
+        let turn = (w0 + w * 4.0 + w1) * (dt / 6.0) + w0.cross(&w1) * (dt * dt / 12.0);
+        turned *= rotation::exp(&turn);
+        l = next;
     }
     rotation::log(&turned) / duration
 }

@@ -7,6 +7,8 @@ use serde_json::{Value, json};
 pub enum CheckVerdict {
     /// Within the tolerance.
     Passed,
+    /// Beyond the tolerance by no more than is documented.
+    KnownDeviation,
     /// Beyond the tolerance.
     Failed,
     /// Without an expected value to compare with.
@@ -18,6 +20,7 @@ impl CheckVerdict {
     pub fn word(self) -> &'static str {
         match self {
             CheckVerdict::Passed => "passed",
+            CheckVerdict::KnownDeviation => "known deviation",
             CheckVerdict::Failed => "failed",
             CheckVerdict::Informational => "informational",
         }
@@ -45,6 +48,15 @@ fn plain(value: f64) -> String {
     if is_short { value.to_string() } else { format!("{value:e}") }
 }
 
+/// Documented deviation of a figure from what is expected.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KnownDeviation {
+    /// Largest distance from the permitted range that is documented.
+    pub largest: f64,
+    /// Likely reason.
+    pub reason: String,
+}
+
 /// Measured figure with its expected value and verdict.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckFinding {
@@ -58,45 +70,67 @@ pub struct CheckFinding {
     pub expected: String,
     /// Tolerance, as text.
     pub tolerance: String,
+    /// Distance of the measured value from the permitted range; 0 within it or without a range.
+    pub deviation: f64,
+    /// Documented deviation, if there is one.
+    pub known: Option<KnownDeviation>,
     /// Verdict.
     pub verdict: CheckVerdict,
 }
 
 impl CheckFinding {
-    /// Creates a finding that must be within `tolerance` of `expected`.
-    pub fn near(quantity: impl Into<String>, measured: f64, expected: f64, tolerance: f64) -> Self {
-        Self {
-            quantity: quantity.into(),
-            measured,
-            digits: digits(measured, tolerance),
-            expected: plain(expected),
-            tolerance: format!("± {}", plain(tolerance)),
-            verdict: CheckVerdict::from_condition((measured - expected).abs() <= tolerance),
-        }
-    }
-
-    /// Creates a finding that must be between two bounds.
-    pub fn between(quantity: impl Into<String>, measured: f64, [low, high]: [f64; 2]) -> Self {
+    /// Creates a finding about a value at a distance from its permitted range; NaN counts as infinitely far.
+    pub fn at_distance(
+        quantity: impl Into<String>,
+        measured: f64,
+        [expected, tolerance]: [String; 2],
+        distance: f64,
+    ) -> Self {
+        let deviation = if distance.is_nan() { f64::INFINITY } else { distance.max(0.0) };
         Self {
             quantity: quantity.into(),
             measured,
             digits: DEFAULT_DIGITS,
-            expected: format!("{low} to {high}"),
-            tolerance: "as stated".into(),
-            verdict: CheckVerdict::from_condition((low..=high).contains(&measured)),
+            expected,
+            tolerance,
+            deviation,
+            known: None,
+            verdict: CheckVerdict::from_condition(deviation == 0.0),
         }
+    }
+
+    /// Documents a deviation: a value at most `largest` away from its permitted range does not fail.
+    pub fn with_known_deviation(mut self, largest: f64, reason: &str) -> Self {
+        if self.verdict == CheckVerdict::Failed && self.deviation <= largest {
+            self.verdict = CheckVerdict::KnownDeviation;
+        }
+        self.known = Some(KnownDeviation { largest, reason: reason.into() });
+        self
+    }
+
+    /// Creates a finding that must be within `tolerance` of `expected`.
+    pub fn near(quantity: impl Into<String>, measured: f64, expected: f64, tolerance: f64) -> Self {
+        let texts = [plain(expected), format!("± {}", plain(tolerance))];
+        let distance = (measured - expected).abs() - tolerance;
+        let digits = digits(measured, tolerance);
+        Self { digits, ..Self::at_distance(quantity, measured, texts, distance) }
+    }
+
+    /// Creates a finding that must be between two bounds.
+    pub fn between(quantity: impl Into<String>, measured: f64, [low, high]: [f64; 2]) -> Self {
+        let texts = [format!("{low} to {high}"), "as stated".into()];
+        // Comparisons in this order keep NaN.
+        let distance = if measured < low { low - measured } else { measured - high };
+        Self::at_distance(quantity, measured, texts, distance)
     }
 
     /// Creates a finding about a condition.
     pub fn trend(quantity: &str, holds: bool) -> Self {
-        Self {
-            quantity: format!("{quantity} (1: yes)"),
-            measured: f64::from(u8::from(holds)),
-            digits: 1,
-            expected: "1".into(),
-            tolerance: "trend".into(),
-            verdict: CheckVerdict::from_condition(holds),
-        }
+        let measured = f64::from(u8::from(holds));
+        let texts = ["1".into(), "trend".into()];
+        let found =
+            Self::at_distance(format!("{quantity} (1: yes)"), measured, texts, 1.0 - measured);
+        Self { digits: 1, ..found }
     }
 
     /// Creates a finding without a verdict.
@@ -105,20 +139,18 @@ impl CheckFinding {
         measured: f64,
         expected: impl Into<String>,
     ) -> Self {
-        Self {
-            quantity: quantity.into(),
-            measured,
-            digits: DEFAULT_DIGITS,
-            expected: expected.into(),
-            tolerance: "none".into(),
-            verdict: CheckVerdict::Informational,
-        }
+        let texts = [expected.into(), "none".into()];
+        let found = Self::at_distance(quantity, measured, texts, 0.0);
+        Self { verdict: CheckVerdict::Informational, ..found }
     }
 
     fn json(&self) -> Value {
         json!({
             "quantity": self.quantity, "measured": self.measured, "expected": self.expected,
-            "tolerance": self.tolerance, "verdict": self.verdict.word(),
+            "tolerance": self.tolerance, "verdict": self.verdict.word(), "deviation": self.deviation,
+            "known_deviation": self.known.as_ref().map(|known| json!({
+                "largest": known.largest, "reason": known.reason,
+            })),
         })
     }
 }
@@ -156,9 +188,9 @@ impl ValidationCheck {
         }
     }
 
-    /// Number of failed findings.
-    pub fn failed(&self) -> usize {
-        self.findings.iter().filter(|f| f.verdict == CheckVerdict::Failed).count()
+    /// Number of findings with a verdict.
+    pub fn count(&self, verdict: CheckVerdict) -> usize {
+        self.findings.iter().filter(|f| f.verdict == verdict).count()
     }
 
     /// Returns the check as JSON.
@@ -194,6 +226,21 @@ mod tests {
         assert_eq!(CheckFinding::between("x", f64::NAN, [0.0, 1.0]).verdict, CheckVerdict::Failed);
         assert_eq!(CheckFinding::near("x", 1.05, 1.0, 0.1).verdict, CheckVerdict::Passed);
         assert_eq!(CheckFinding::near("x", 1.15, 1.0, 0.1).verdict, CheckVerdict::Failed);
+    }
+
+    #[test]
+    fn only_what_is_worse_than_documented_fails() {
+        let found = |measured: f64| {
+            CheckFinding::between("x", measured, [1.0, 2.0])
+                .with_known_deviation(0.5, "why")
+                .verdict
+        };
+        assert_eq!(found(1.5), CheckVerdict::Passed);
+        assert_eq!(found(2.5), CheckVerdict::KnownDeviation);
+        assert_eq!(found(0.6), CheckVerdict::KnownDeviation);
+        assert_eq!(found(2.6), CheckVerdict::Failed);
+        assert_eq!(found(0.4), CheckVerdict::Failed);
+        assert_eq!(found(f64::NAN), CheckVerdict::Failed);
     }
 
     #[test]

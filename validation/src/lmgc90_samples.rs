@@ -4,6 +4,7 @@
 
 use super::check::{CheckFinding, ValidationCheck};
 use super::world::World;
+use ballast::model::ContactStiffness;
 use ballast::observe;
 use ballast_report::plot::{Chart, SeriesStyle};
 use ballast_scenario::sample::Sample;
@@ -24,7 +25,14 @@ const DETECTION_DISTANCE_M: f64 = 2e-3;
 fn world(path: &Path) -> Result<World> {
     let Sample { model, state, .. } = read_sample(path)?;
     let targets = state.driven_poses(&model);
-    Ok(World { model, state, workspace: Default::default(), targets })
+    Ok(World {
+        model,
+        state,
+        workspace: Default::default(),
+        targets,
+        forces: vec![],
+        wall_stiffness: ContactStiffness::RIGID,
+    })
 }
 
 /// Figures of a state.
@@ -89,6 +97,10 @@ pub fn compare(folder: &Path) -> Result<ValidationCheck> {
         ballast.height / lmgc90.height,
         1.0,
         0.05,
+    )
+    .with_known_deviation(
+        0.01,
+        "LMGC90's stones rest on gaps of some tenths of a millimetre, which its detection counts as contacts.",
     );
     check.findings.push(height);
     for (name, a, b) in [

@@ -1,12 +1,12 @@
 //! Scenes of the checks: grains and walls that are stepped.
 
 use super::check_interrupt;
-use ballast::drive::StepInputs;
+use ballast::drive::{Load, StepInputs};
 use ballast::geometry::{Polyhedron, random_rotation};
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{
-    ContactStiffness, DrivenBody, Grains, Model, Norm, Part, PartitionRule, Role, Schedule, Solver,
-    Stepping,
+    ContactStiffness, DrivenBody, Grains, Model, Mount, Norm, Part, PartitionRule, Role, Schedule,
+    Solver, Stepping,
 };
 use ballast::observe;
 use ballast::state::State;
@@ -32,6 +32,10 @@ pub struct World {
     pub workspace: Workspace,
     /// Prescribed poses of the driven bodies `[nd]`.
     pub targets: Vec<Pose>,
+    /// Forces on the mounted bodies in addition to gravity, N `[nm]`.
+    pub forces: Vec<Vec3>,
+    /// Stiffness of the contacts of driven bodies that are added.
+    pub wall_stiffness: ContactStiffness,
 }
 
 impl World {
@@ -57,7 +61,14 @@ impl World {
             stepping: Stepping { step_ns, theta: 0.5, detection_distance },
             solver,
         };
-        Self { model, state: State::default(), workspace: Workspace::default(), targets: vec![] }
+        Self {
+            model,
+            state: State::default(),
+            workspace: Workspace::default(),
+            targets: vec![],
+            forces: vec![],
+            wall_stiffness: ContactStiffness::RIGID,
+        }
     }
 
     /// Returns the scene with the coarse solver of bed preparation, on all cores.
@@ -85,17 +96,33 @@ impl World {
 
     /// Adds a half-space through `at`, solid behind its normal, and returns its index among the driven bodies.
     pub fn wall(&mut self, name: &str, at: Vec3, normal: Vec3, friction: f64) -> usize {
-        let normal = normal.normalize();
+        let parts = vec![Part::HalfSpace { normal: normal.normalize(), offset: 0.0 }];
+        self.driven(name, parts, at, friction, None)
+    }
+
+    /// Adds a driven body at a place, and returns its index among the driven bodies; mounted bodies come before others.
+    pub fn driven(
+        &mut self,
+        name: &str,
+        parts: Vec<Part>,
+        at: Vec3,
+        friction: f64,
+        mount: Option<Mount>,
+    ) -> usize {
         self.model.driven.push(DrivenBody {
             name: name.into(),
             role: Role::Boundary,
             friction,
-            stiffness: ContactStiffness::RIGID,
-            parts: vec![Part::HalfSpace { normal, offset: 0.0 }],
-            mount: None,
+            stiffness: self.wall_stiffness,
+            parts,
+            mount,
         });
         self.state.push(Pose::at(at));
         self.targets.push(Pose::at(at));
+        if mount.is_some() {
+            self.state.mount.push(Pose::at(at));
+            self.forces.push(Vec3::zeros());
+        }
         self.targets.len() - 1
     }
 
@@ -106,6 +133,16 @@ impl World {
         self.wall("east", Vec3::x() * x, -Vec3::x(), walls);
         self.wall("south", Vec3::zeros(), Vec3::y(), walls);
         self.wall("north", Vec3::y() * y, -Vec3::y(), walls);
+    }
+
+    /// Places a driven body, at rest.
+    pub fn place(&mut self, body: usize, at: Vec3) {
+        let n = self.model.grains.len();
+        self.state.position[n + body] = at;
+        self.targets[body] = Pose::at(at);
+        if let Some(mount) = self.state.mount.get_mut(body) {
+            *mount = Pose::at(at);
+        }
     }
 
     /// Removes all driven bodies and the memory of all contacts.
@@ -125,7 +162,9 @@ impl World {
     /// Takes a step.
     pub fn step(&mut self) -> Result<StepReport> {
         check_interrupt()?;
-        let inputs = StepInputs::from_targets(&self.targets);
+        let load = |force: &Vec3| Load { force: *force, torque: Vec3::zeros() };
+        let loads: Vec<Load> = self.forces.iter().map(load).collect();
+        let inputs = StepInputs { loads: &loads, ..StepInputs::from_targets(&self.targets) };
         Ok(step(&self.model, &mut self.state, &inputs, &mut self.workspace, &mut ())?)
     }
 
