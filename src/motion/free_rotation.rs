@@ -11,7 +11,7 @@ const CONVERGED_ANGLE: f64 = 1e-15;
 const MAX_PASSES: usize = 16;
 
 /// Rotation in a step, rad, times the slenderness of the body, up to which its angular velocity counts as constant.
-const MAX_UNIFORM_TURN: f64 = 0.01;
+const MAX_UNIFORM_TURN: f64 = 0.1;
 /// Rotation in a step, rad, times the slenderness of the body, up to which impulses may act with the inertia of configuration m.
 const MAX_BLOW_TURN: f64 = 0.3;
 /// Maximum rotation in a substep of [`mean_angular_velocity`], rad.

@@ -59,7 +59,7 @@ fn energy_error(step_ns: u64) -> f64 {
 
 #[test]
 fn the_energy_of_tumbling_errs_with_the_square_of_the_step() {
-    let errors = [4_000_000, 2_000_000, 1_000_000].map(energy_error);
+    let errors = [1_000_000, 500_000, 250_000].map(energy_error);
     for (coarse, fine) in errors.iter().zip(&errors[1..]) {
         assert!((3.5..4.5).contains(&(coarse / fine)), "{errors:?}");
     }

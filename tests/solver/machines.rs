@@ -10,19 +10,19 @@ use ballast::model::{PenetrationCorrection, Schedule};
 const SUMS: [[u64; 6]; 2] = [
     [
         0xa562_a1f2_a3c7_9c88,
-        0x235d_babe_2c6b_f585,
-        0x1285_ae59_c808_0021,
-        0x60d8_ac7f_2664_a534,
-        0xe91b_3054_41c6_361b,
-        0x59d3_3a0b_c781_1021,
+        0x44b6_ea83_3bb1_03f4,
+        0xd69f_a085_e69f_25e1,
+        0xee87_1c34_8072_4295,
+        0xe6e4_9ee1_9af9_b729,
+        0xf2a5_443b_3c17_c85a,
     ],
     [
         0x4f07_fcd9_e9fd_cfbf,
-        0xfdab_5056_f2f8_3d35,
-        0x6820_06d3_da0e_ff70,
-        0xd19f_44cb_6a72_1633,
-        0x2403_4d77_f2d8_d7a5,
-        0xa618_014b_df1e_d874,
+        0x289d_6540_b0a5_a8c9,
+        0xbe63_a7eb_54a1_7896,
+        0xcc85_2b8d_d855_13c0,
+        0x802a_4111_4a84_69c5,
+        0x1ef2_9e05_3eb0_07f3,
     ],
 ];
 

@@ -30,12 +30,12 @@ pub const SOLID_FRACTION: f64 = 0.58;
 /// Time step of the tests, ns.
 pub const STEP_NS: u64 = 1_000_000;
 
-/// Friction of the stones while a specimen is compacted to its solid fraction.
-const COMPACTION_FRICTION: f64 = 0.1;
+/// Number of steps in a row in which a plate must carry its force to end the compaction.
+const CARRYING_STEPS: usize = 10;
 /// Solid fraction of the suspension from which a specimen is compacted.
 const SUSPENDED_FRACTION: f64 = 0.38;
 /// Speed of the plate that compacts a specimen, m/s.
-const COMPACTION_SPEED: f64 = 0.3;
+const COMPACTION_SPEED: f64 = 0.2;
 /// Mass of a loaded plate, kg.
 const PLATE_MASS: f64 = 15.0;
 /// Mean speed of stones at rest, m/s.
@@ -53,7 +53,7 @@ pub fn plate() -> Mount {
 
 /// Creates a scene with a loose column of stones above a base `[x, y]` (m), enough for a specimen of a height (m).
 pub fn column(base: [f64; 2], height: f64, seed: u64) -> Result<World> {
-    let mut world = World::new(2 * STEP_NS, COMPACTION_FRICTION, 0.05 * D);
+    let mut world = World::new(2 * STEP_NS, 0.0, 0.05 * D);
     world.model.solver = Solver {
         max_iterations: 200,
         tolerance: Some(1e-3),
@@ -73,24 +73,30 @@ pub fn column(base: [f64; 2], height: f64, seed: u64) -> Result<World> {
         missing -= stone.volume;
         shapes.push(world.shape(stone));
     }
-    stack_loosely(&mut world, &mut rng, &shapes, shapes.len(), 4, in_box(base));
+    stack_loosely(&mut world, &mut rng, &shapes, shapes.len(), 12, in_box(base));
     Ok(world)
 }
 
-/// Compacts the stones above a base of `area` (m²) by the driven body `lid`, until it is at a height (m), and gives them their
-/// friction.
-pub fn compact(world: &mut World, lid: usize, area: f64, height: f64) -> Result {
+/// Compacts the stones above a base of `area` (m²) without friction by the driven body `lid`, until it is at a height (m) or
+/// carries a force (N), and gives stones and driven bodies their friction.
+pub fn compact(world: &mut World, lid: usize, area: f64, height: f64, force: f64) -> Result {
+    let friction: Vec<f64> = world.model.driven.iter().map(|body| body.friction).collect();
+    world.model.driven.iter_mut().for_each(|body| body.friction = 0.0);
     world.suspend(area, SUSPENDED_FRACTION)?;
     let n = world.model.grains.len();
     let top = (0..n).flat_map(|i| world.corners(i)).map(|p| p.z).fold(height, f64::max);
     world.place(lid, Vec3::z() * (top + 1e-3));
     world.model.stepping.step_ns = STEP_NS;
-    let way = COMPACTION_SPEED * world.model.stepping.h();
-    while world.targets[lid].position.z > height {
-        world.targets[lid].position.z = (world.targets[lid].position.z - way).max(height);
-        world.step()?;
+    let h = world.model.stepping.h();
+    let mut carrying = 0;
+    while world.targets[lid].position.z > height && carrying < CARRYING_STEPS {
+        let z = world.targets[lid].position.z - COMPACTION_SPEED * h;
+        world.targets[lid].position.z = z.max(height);
+        let carries = world.step()?.reactions[lid].impulse.z > force * h;
+        carrying = if carries { carrying + 1 } else { 0 };
     }
     world.model.grain_friction = STONE_FRICTION;
+    world.model.driven.iter_mut().zip(friction).for_each(|(body, mu)| body.friction = mu);
     Ok(())
 }
 

@@ -54,7 +54,7 @@ impl TriaxialCell {
         world.wall("west", Vec3::zeros(), Vec3::x(), 0.0);
         world.wall("south", Vec3::zeros(), Vec3::y(), 0.0);
         world.wall("floor", Vec3::zeros(), Vec3::z(), 0.0);
-        compact(&mut world, plates[2], x * y, z)?;
+        compact(&mut world, plates[2], x * y, z, pressure * x * y)?;
         (0..3).for_each(|axis| release(&mut world, plates[axis], axis));
         let mut cell = Self { world, plates };
         cell.load(pressure, 0.0);
