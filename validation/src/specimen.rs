@@ -2,7 +2,7 @@
 //!
 //! One kind of stones, one friction and one stiffness, chosen before the tests and used by all of them.
 
-use super::world::{D, World, in_box, random, stack_loosely};
+use super::world::{D, World, in_box, random, stack_spheres};
 use ballast::geometry::{GrainShape, random_grain};
 use ballast::math::Vec3;
 use ballast::model::{ContactStiffness, DofMode, Mount, Solver};
@@ -64,16 +64,17 @@ pub fn column(base: [f64; 2], height: f64, seed: u64) -> Result<World> {
     world.wall_stiffness = STIFFNESS;
     let mut rng = random(seed);
     let mut missing = SOLID_FRACTION * base[0] * base[1] * height;
-    let mut shapes = vec![];
+    let mut stones = vec![];
     while missing > 0.0 {
         // Equal shares of mass for equal ratios: the number density falls with the fourth power of the size.
         let [low, high] = SIZES.map(|d| d.powi(-3));
         let size = (high + (low - high) * rng.random::<f64>()).powf(-1.0 / 3.0);
         let stone = random_grain(&mut rng, &STONES, size)?;
         missing -= stone.volume;
-        shapes.push(world.shape(stone));
+        let radius = stone.radius;
+        stones.push((world.shape(stone), radius));
     }
-    stack_loosely(&mut world, &mut rng, &shapes, shapes.len(), 12, in_box(base));
+    stack_spheres(&mut world, &mut rng, &stones, 12, in_box(base));
     Ok(world)
 }
 

@@ -299,22 +299,35 @@ pub fn stack_loosely(
 ) {
     let radius = |s: &u32| world.model.shapes[*s as usize].radius;
     let reach = shapes.iter().map(radius).fold(0.0, f64::max);
-    let distance = 2.02 * reach;
-    for k in 0..count {
+    let stones: Vec<(u32, f64)> = shapes.iter().cycle().take(count).map(|s| (*s, reach)).collect();
+    stack_spheres(world, rng, &stones, places, place);
+}
+
+/// Adds grains as [`stack_loosely`] does, each in a sphere of its own radius (m).
+pub fn stack_spheres(
+    world: &mut World,
+    rng: &mut Pcg64,
+    stones: &[(u32, f64)],
+    places: usize,
+    place: impl Fn(&mut Pcg64, f64) -> [f64; 2],
+) {
+    for (k, &(shape, radius)) in stones.iter().enumerate() {
         let mut lowest = Vec3::repeat(f64::INFINITY);
         for _ in 0..places {
-            let [x, y] = place(rng, reach);
-            let over = |p: &Vec3| {
+            let [x, y] = place(rng, radius);
+            let over = |(p, other): (&Vec3, &(u32, f64))| {
+                let distance = 1.01 * (radius + other.1);
                 let square = distance * distance - (p.x - x).powi(2) - (p.y - y).powi(2);
                 if square > 0.0 { p.z + square.sqrt() } else { 0.0 }
             };
-            let z = world.state.position.iter().map(over).fold(1.05 * reach, f64::max);
+            let below = world.state.position.iter().zip(&stones[..k]);
+            let z = below.map(over).fold(1.05 * radius, f64::max);
             if z < lowest.z {
                 lowest = Vec3::new(x, y, z);
             }
         }
         let orientation: Quat = random_rotation(rng);
-        world.grain(shapes[k % shapes.len()], Pose { position: lowest, orientation });
+        world.grain(shape, Pose { position: lowest, orientation });
     }
 }
 
