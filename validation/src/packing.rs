@@ -30,7 +30,7 @@ const PLATONIC_SOLIDS: [(&str, f64); 5] = [
 ];
 
 /// Known deviations of the solid fraction beyond its tolerance, full and quick; 0: none.
-const LARGEST_DEVIATIONS: [[f64; 2]; 5] =
+const MAX_DEVIATIONS: [[f64; 2]; 5] =
     [[0.0, 0.045], [0.0, 0.0], [0.015, 0.0], [0.02, 0.015], [0.04, 0.045]];
 /// Reason of the known deviations.
 const DEVIATION: &str = "Friction, edge radii and the influence of walls are unknown for the published dice; no pair of \
@@ -99,7 +99,7 @@ pub fn packing(size: &SuiteSize, console: &dyn Reporter) -> Result<ValidationChe
         let middle = mean(found, |p| p.middle);
         let name = format!("solid fraction of {name}");
         let found = CheckFinding::near(name, middle, *expected, TOLERANCE);
-        let largest = LARGEST_DEVIATIONS[k][usize::from(size.quick)];
+        let largest = MAX_DEVIATIONS[k][usize::from(size.quick)];
         check.findings.push(if largest > 0.0 {
             found.with_known_deviation(largest, DEVIATION)
         } else {

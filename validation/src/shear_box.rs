@@ -41,10 +41,10 @@ struct ShearBox {
     area: f64,
 }
 
-/// Record of a test: displacement (m), shear over normal stress, rise of the lid (m).
-type Record = Vec<[f64; 3]>;
+/// Curve of a test: displacement (m), shear over normal stress, rise of the lid (m).
+type ShearCurve = Vec<[f64; 3]>;
 
-/// Walls of one half of the box, from one height to another.
+/// Creates the walls of one half of the box, from one height to another.
 fn walls(world: &mut World, length: f64, [low, high]: [f64; 2]) -> Vec<Part> {
     let half = |x: f64, y: f64| Vec3::new(0.5 * x, 0.5 * y, 0.5 * (high - low));
     let long = length + 2.0 * THICKNESS;
@@ -83,7 +83,7 @@ impl ShearBox {
     }
 
     /// Moves the lower half under a normal stress (Pa).
-    fn shear(&mut self, stress: f64) -> Result<Record> {
+    fn shear(&mut self, stress: f64) -> Result<ShearCurve> {
         let h = self.world.model.stepping.h();
         let start = self.lid_height();
         let mut record = vec![];
@@ -98,14 +98,14 @@ impl ShearBox {
 }
 
 /// Returns the means of groups of `n` rows.
-fn averaged(record: &[[f64; 3]], n: usize) -> Record {
+fn averaged(record: &[[f64; 3]], n: usize) -> ShearCurve {
     let mean = |rows: &[[f64; 3]], k: usize| rows.iter().map(|r| r[k]).sum::<f64>() / n as f64;
     record.chunks_exact(n).map(|rows| [0, 1, 2].map(|k| mean(rows, k))).collect()
 }
 
 /// Figures of one test.
 struct ShearResult {
-    record: Record,
+    record: ShearCurve,
     /// Largest ratio of shear to normal stress.
     peak: f64,
     /// Ratio over the last fifth of the displacement.
@@ -115,7 +115,7 @@ struct ShearResult {
 }
 
 impl ShearResult {
-    fn new(record: Record) -> Self {
+    fn new(record: ShearCurve) -> Self {
         let peak = record.iter().map(|row| row[1]).fold(0.0, f64::max);
         let last = &record[record.len() - record.len() / 5..];
         let residual = last.iter().map(|row| row[1]).sum::<f64>() / last.len() as f64;

@@ -303,7 +303,7 @@ pub fn stack_loosely(
     stack_spheres(world, rng, &stones, places, place);
 }
 
-/// Adds grains as [`stack_loosely`] does, each in a sphere of its own radius (m).
+/// Adds grains as [`stack_loosely`] does, each with the radius (m) of its bounding sphere.
 pub fn stack_spheres(
     world: &mut World,
     rng: &mut Pcg64,
