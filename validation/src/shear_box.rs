@@ -146,17 +146,22 @@ pub fn shear(size: &SuiteSize, console: &dyn Reporter) -> Result<ValidationCheck
     let rises: Vec<f64> = found.iter().map(|r| 1e3 * r.dilation).collect();
     for (stress, peak) in stresses.iter().zip(&peaks) {
         let name = format!("peak shear over normal stress at {} kPa", stress / 1e3);
+        // Stones jam in the small box, five of them wide.
         check.findings.push(match PEAKS.iter().find(|(published, _)| published == stress) {
-            Some((_, range)) => {
+            Some((_, range)) if !size.quick => {
                 CheckFinding::between(name, *peak, *range).with_known_deviation(1.1, DENSITY)
             }
-            None => CheckFinding::informational(name, *peak, "between its neighbours"),
+            _ => CheckFinding::informational(name, *peak, "falls with the stress"),
         });
     }
     let ends = [0, stresses.len() - 1];
+    if !size.quick {
+        let name = "the peak ratio falls from the lowest to the highest stress";
+        check.findings.push(CheckFinding::trend(name, peaks[ends[1]] < peaks[ends[0]]));
+    }
     check.findings.push(CheckFinding::trend(
-        "the peak ratio falls from the lowest to the highest stress",
-        peaks[ends[1]] < peaks[ends[0]],
+        "the ratio falls by a fifth of its peak or more at all stresses",
+        found.iter().all(|r| r.residual < 0.8 * r.peak),
     ));
     for (stress, result) in stresses.iter().zip(&found) {
         let name = format!("ratio over the last fifth of the displacement at {} kPa", stress / 1e3);
