@@ -10,8 +10,8 @@ fn key(text: &str) -> String {
 
 #[test]
 fn the_key_is_the_same_on_every_machine() {
-    // Obtained from the thirteenth version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "6882d5aa0bc7ab1734e987c129601f2c");
+    // Obtained from the fifteenth version of the key; changes with it, and with the base case.
+    assert_eq!(key(BASE), "8cba08b008d28f6f08525d49317cbbb3");
 }
 
 #[test]
