@@ -1,0 +1,156 @@
+"""Coupling schemes, with a mass on a spring as the partner."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import ballast
+import numpy as np
+import pytest
+from ballast import couple
+
+
+class Press:
+    """A tine on a mass, which a spring presses into the bed."""
+
+    stiffness, damping, speed = 5e4, 500.0, 0.3
+
+    def __init__(self, sim: ballast.Simulation, mass: float = 20.0) -> None:
+        self.name, self.start, self.mass = sim.tines[0].name, sim.tines[0].start, mass
+        self.state = np.zeros(2)
+        self.calls = 0
+
+    def advance(self, t0: float, t1: float, forces: couple.Rows) -> couple.Rows:
+        self.calls += 1
+        z, v = self.state
+        h = (t1 - t0) / len(forces[self.name])
+        for k, force in enumerate(forces[self.name][:, 2]):
+            end = -self.speed * (t0 + (k + 0.5) * h)
+            # Implicit midpoint rule.
+            a = self.mass / h + self.damping / 2 + self.stiffness * h / 4
+            b = (self.mass / h - self.damping / 2 - self.stiffness * h / 4) * v + self.stiffness * (end - z) + force
+            z, v = z + h * (v + b / a) / 2, b / a
+        self.state = np.array([z, v])
+        return {self.name: np.array([*(self.start + [0, 0, z]), 0, 0, 0, 0, 0, v, 0, 0, 0])}
+
+    def save(self) -> Any:
+        return self.state
+
+    def restore(self, state: Any) -> None:
+        self.state = state
+
+
+@pytest.fixture(scope="module")
+def pressed(case: ballast.Case) -> ballast.Case:
+    """The small case with rigid tines and compliant contacts."""
+    return case.with_values(
+        {
+            "tines.mount": {"rigid": True},
+            "bed.stiffness": {"grain_N_per_m": 1e6},
+            "run.step_s": 5e-4,
+            "solver.max_iterations": 200,
+            "solver.tolerance": 1e-4,
+        }
+    )
+
+
+@pytest.fixture
+def sim(pressed: ballast.Case, beds: Path) -> Iterator[ballast.Simulation]:
+    with ballast.open(pressed, bed_cache=beds, threads=1, progress=False) as sim:
+        yield sim
+
+
+def run(coupling: couple.Coupling, steps: int) -> list[couple.Window]:
+    windows = [coupling.advance() for _ in range(steps // coupling.window_steps)]
+    assert max(abs(w.result[coupling.partner.name].mean_force[2]) for w in windows) > 50.0, "the tine touches no stone"
+    return windows
+
+
+@pytest.mark.parametrize("acceleration", couple.ACCELERATIONS)
+def test_implicit_windows_converge(sim: ballast.Simulation, acceleration: str) -> None:
+    coupling = couple.Coupling(sim, Press(sim), acceleration=acceleration, tolerance=1e-7)
+    windows = run(coupling, 240)
+    assert all(w.is_converged and w.residual <= 1e-7 for w in windows)
+    assert coupling.partner.calls == sum(w.iterations + 1 for w in windows)
+    given, lost = sum(w.work_given for w in windows), sum(abs(w.energy_residual) for w in windows)
+    assert lost < 1e-3 * given
+
+
+def test_the_motion_of_a_window_is_the_partners(sim: ballast.Simulation) -> None:
+    press = Press(sim)
+    window = couple.Coupling(sim, press, tolerance=1e-8).advance()
+    row = window.motion[press.name]
+    assert row[2] == pytest.approx(press.start[2] + press.state[0], abs=1e-8)
+    assert np.array_equal(window.result[press.name].position, row[:3])
+
+
+def test_explicit_schemes_lose_energy_and_improve_with_shorter_windows(sim: ballast.Simulation) -> None:
+    lost = {}
+    for scheme in ("parallel", "staggered"):
+        for steps in (8, 2):
+            with sim.fork() as copy:
+                windows = run(couple.Coupling(copy, Press(copy), scheme, window_steps=steps), 240)
+            assert all(w.iterations == 1 for w in windows)
+            lost[scheme, steps] = sum(abs(w.energy_residual) for w in windows)
+    with sim.fork() as copy:
+        implicit = sum(abs(w.energy_residual) for w in run(couple.Coupling(copy, Press(copy)), 240))
+    for scheme in ("parallel", "staggered"):
+        assert 10 * implicit < lost[scheme, 2] < 0.3 * lost[scheme, 8]
+
+
+@pytest.mark.parametrize("scheme", couple.SCHEMES)
+def test_a_restored_coupling_continues_with_the_same_bytes(pressed: ballast.Case, beds: Path, scheme: str) -> None:
+    def begin() -> couple.Coupling:
+        sim = ballast.open(pressed, bed_cache=beds, threads=1, progress=False)
+        return couple.Coupling(sim, Press(sim), scheme)
+
+    undisturbed, killed = begin(), begin()
+    run(undisturbed, 240)
+    run(killed, 200)
+    saved = pickle.dumps(killed.save())
+    killed.sim.close()
+    continued = begin()
+    continued.restore(pickle.loads(saved))
+    for _ in range(10):
+        continued.advance()
+    assert continued.sim.save().hash == undisturbed.sim.save().hash
+    assert np.array_equal(continued.partner.state, undisturbed.partner.state)
+
+
+def test_a_failed_window_changes_neither_side(sim: ballast.Simulation) -> None:
+    press = Press(sim)
+    press.speed = 4000.0
+    coupling = couple.Coupling(sim, press)
+    before = sim.save().hash
+    with pytest.raises(couple.CouplingError, match="over_speed") as failed:
+        for _ in range(20):
+            before, state = sim.save().hash, press.state
+            coupling.advance()
+    assert failed.value.result.status == "discard"
+    assert sim.save().hash == before and press.state is state
+
+
+def test_bodies_on_springs_are_refused(case: ballast.Case, beds: Path) -> None:
+    with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
+        with pytest.raises(ValueError, match="rigid = true"):
+            couple.Coupling(sim, Press(sim)).advance()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"scheme": "loose"}, {"acceleration": "none"}, {"relaxation": 0.0}, {"window_steps": 0}, {"max_iterations": 0},
+     {"tolerance": 0.0}, {"lever": np.inf}],
+)  # fmt: skip
+def test_settings_out_of_range_are_refused(sim: ballast.Simulation, wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        couple.Coupling(sim, Press(sim), **wrong)
+
+
+def test_rotations_are_vectors() -> None:
+    for vector in ([0.0, 0.0, 0.0], [0.3, -0.2, 0.1], [0.0, 3.0, 0.0], [1e-9, 0.0, 0.0]):
+        quaternion = couple._quaternion(np.array(vector))
+        assert np.linalg.norm(quaternion) == pytest.approx(1.0)
+        assert couple._rotation_vector(-quaternion) == pytest.approx(vector)
