@@ -1,0 +1,224 @@
+"""Tamps a bed with a model of a tamping unit in the loop, and reports what the machine and the ballast did.
+
+    python examples/machine/tamp.py
+    python examples/machine/tamp.py CASE --out runs/machine --scheme staggered --window 2
+
+The unit (`machine.py`) and the bed are coupled by `ballast.couple`. The run ends with a table on the terminal, in
+`table.md` and `figures.json`, and with the plots of `machine.png`. It writes a checkpoint every 50 windows; `--resume`
+continues from it, with the same bytes as an undisturbed run.
+"""
+
+import argparse
+import json
+import pickle
+import time
+from pathlib import Path
+
+import ballast
+import machine
+import numpy as np
+from ballast import couple
+
+HERE = Path(__file__).parent
+CHECKPOINT_WINDOWS = 50
+
+
+def arguments():
+    parser = argparse.ArgumentParser(description="Tamp a bed with a model of a tamping unit in the loop")
+    parser.add_argument("case", nargs="?", default=HERE / "tamping.toml", help="case file")
+    parser.add_argument("--out", type=Path, default=Path("runs/machine"), help="folder of the results")
+    parser.add_argument("--scheme", choices=couple.SCHEMES, default="implicit", help="coupling scheme")
+    parser.add_argument("--acceleration", choices=couple.ACCELERATIONS, default="iqn-ils", help="acceleration")
+    parser.add_argument("--window", type=int, default=4, help="time steps of a window")
+    parser.add_argument("--tolerance", type=float, default=2e-6, help="tolerance of the implicit scheme, m")
+    parser.add_argument("--pairs", default="", help="pairs that squeeze in each cycle, such as 0/0,1; default: one cycle of all")
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter of the unit")
+    parser.add_argument("--windows", type=int, default=10**9, help="largest number of windows")
+    parser.add_argument("--resume", action="store_true", help="continue from the last checkpoint")
+    parser.add_argument("--threads", type=int, help="computing threads")
+    return parser.parse_args()
+
+
+def main():
+    args = arguments()
+    args.out.mkdir(parents=True, exist_ok=True)
+    with ballast.open(args.case, threads=args.threads) as sim:
+        coupling, unit = coupled(sim, args)
+        run = {"rows": [], "windows": [], "wall": 0.0, "before": compactness(sim), "pairs": []}
+        saved = args.out / "checkpoint.pickle"
+        if args.resume:
+            checkpoint, run = pickle.loads(saved.read_bytes())
+            coupling.restore(checkpoint)
+        while unit.phase != "done" and len(run["windows"]) < args.windows:
+            phase, began = unit.phase, time.perf_counter()
+            window = coupling.advance()
+            run["wall"] += time.perf_counter() - began
+            keep(run, window, unit, phase)
+            if len(run["windows"]) % CHECKPOINT_WINDOWS == 0:
+                write_whole(saved, pickle.dumps((coupling.save(), run)))
+                print(f"{sim.now_ns * 1e-9:.3f} s  {unit.phase}  {window.iterations} iterations", flush=True)
+        figures = summary(run, unit, sim)
+    (args.out / "figures.json").write_text(json.dumps(figures, indent=1))
+    text = "\n".join(table(figures))
+    (args.out / "table.md").write_text(text + "\n")
+    draw(run, unit, args.out / "machine.png")
+    print(text, f"\n{args.out / 'machine.png'}")
+
+
+def coupled(sim, args):
+    """Returns the coupling of a simulation and a tamping unit, and the unit."""
+    [sleeper] = [name for name, role in sim.roles.items() if role == "sleeper"]
+    others = {name: float(value) for name, value in (text.split("=") for text in args.set)}
+    pairs = [[int(k) for k in cycle.split(",")] for cycle in args.pairs.split("/")] if args.pairs else None
+    unit = machine.TampingUnit(sim.tines, (sleeper, sim.save().commanded_pose(sleeper)[0]), sim.step_ns * 1e-9,
+                               machine.Parameters.of_case(sim.case, **others), pairs)  # fmt: skip
+    return couple.Coupling(sim, unit, args.scheme, window_steps=args.window, acceleration=args.acceleration,
+                           tolerance=args.tolerance), unit  # fmt: skip
+
+
+def compactness(sim):
+    return {name: zone.compactness for name, zone in sim.zones().items() if zone.compactness is not None}
+
+
+def write_whole(path, content):
+    """Writes a file that is complete whenever the program is killed."""
+    part = path.with_suffix(".part")
+    part.write_bytes(content)
+    part.replace(path)
+
+
+def keep(run, window, unit, phase):
+    run["rows"].append(unit.trace)
+    tines = sum(window.result[name].work for name in unit.names)
+    run["windows"].append({
+        "t1": window.result.t1_ns * 1e-9, "phase": phase, "cycle": unit.logic["cycle"] + 1, "iterations": window.iterations,
+        "residual": window.residual, "is_converged": window.is_converged, "given": window.work_given,
+        "received": window.work_received, "tines": tines,
+        "pair_work": [sum(window.result[n].work for n, k in zip(unit.names, unit.pair_of, strict=True) if k == pair)
+                      for pair in range(len(unit.pairs))],
+        "steps": window.result.steps, "steps_not_converged": window.result.solver.steps_not_converged,
+    })  # fmt: skip
+
+
+def columns(run, unit):
+    """Returns the trace of the run by name: (n,), or (n, arms) and (n, pairs)."""
+    rows = np.concatenate(run["rows"])
+    found, end = {}, 0
+    for names, size in ((machine.TRACE, 1), (machine.ARM_TRACE, len(unit.names)), (machine.PAIR_TRACE, len(unit.pairs))):
+        for name in names:
+            found[name] = rows[:, end] if size == 1 and names is machine.TRACE else rows[:, end : end + size]
+            end += size
+    return found
+
+
+def smooth(values, steps):
+    """Returns moving means over a number of steps."""
+    return np.apply_along_axis(lambda v: np.convolve(v, np.ones(steps) / steps, "same"), 0, values)
+
+
+def summary(run, unit, sim):
+    windows, trace, energies = run["windows"], columns(run, unit), unit.energies()
+    period = max(1, round(1 / (unit.p.frequency * unit.step)))
+    iterations = np.array([w["iterations"] for w in windows])
+    drives = energies["pump"] + energies["eccentric motor"] + energies["lifting drive"]
+    received = sum(w["received"] for w in windows)
+    lost = energies["valves"] + energies["friction"] + energies["leakage and relief"]
+    pairs = {}
+    for squeeze in unit.logic["squeezes"]:
+        number = unit.pairs.index(squeeze["pair"])
+        mine = [w for w in windows if w["phase"] == "squeeze" and w["cycle"] == squeeze["cycle"]]
+        pairs[f"cycle {squeeze['cycle']}, pair {squeeze['pair']}"] = squeeze | {
+            "work": sum(w["pair_work"][number] for w in mine),
+            "mean_force": float(smooth(trace["force"], period)[:, unit.pair_of == number].max()),
+        }
+    return {
+        "hash": sim.save().hash, "phase": unit.phase, "time": windows[-1]["t1"], "wall": run["wall"], "windows": len(windows),
+        "iterations": {"median": float(np.median(iterations)), "mean": float(iterations.mean()), "max": int(iterations.max())},
+        "not_converged": sum(not w["is_converged"] for w in windows),
+        "steps": sum(w["steps"] for w in windows), "steps_not_converged": sum(w["steps_not_converged"] for w in windows),
+        "peak_pressure": float(trace["pressure"].max()), "peak_force": float(trace["force"].max()),
+        "peak_mean_force": float(smooth(trace["force"], period).max()),
+        "depth": float(trace["depth"].max()), "full_depth": unit.travel,
+        "squeezes": pairs, "before": run["before"], "after": compactness(sim), "energies": energies,
+        "drives": drives, "received": received, "given": sum(w["given"] for w in windows),
+        "balance_error": drives - energies["stored"] - lost - received,
+        "interface_error": sum(abs(w["given"] - w["received"]) for w in windows),
+    }  # fmt: skip
+
+
+def table(f):
+    """Yields the lines of the table."""
+    yield from ("| figure | value |", "|---|---|")
+    yield f"| cycle | {f['phase']} at {f['time']:.3f} s, depth {f['depth'] * 1e3:.0f} of {f['full_depth'] * 1e3:.0f} mm |"
+    yield f"| peak load pressure of a cylinder | {f['peak_pressure'] / 1e5:.0f} bar |"
+    yield f"| peak closing force of a tine, step / period mean | {f['peak_force']:.0f} / {f['peak_mean_force']:.0f} N |"
+    for name, s in f["squeezes"].items():
+        yield (f"| {name} | stop by {s['cause']} at {s['closing'] * 1e3:.1f} mm and {s['pressure'] / 1e5:.1f} bar; work "
+               f"{s['work']:.0f} J; peak mean force {s['mean_force']:.0f} N |")  # fmt: skip
+    for zone, value in f["before"].items():
+        if zone in f["after"]:
+            yield f"| compactness of {zone} | {value:.3f} → {f['after'][zone]:.3f} |"
+    i = f["iterations"]
+    yield f"| windows, iterations | {f['windows']}; median {i['median']:.0f}, mean {i['mean']:.1f}, largest {i['max']} |"
+    yield f"| windows not converged | {f['not_converged']} |"
+    yield f"| time steps not converged | {f['steps_not_converged']} of {f['steps']} |"
+    e = f["energies"]
+    yield (f"| work of the drives | {f['drives']:.0f} J: pump {e['pump']:.0f}, eccentric motor {e['eccentric motor']:.0f}, "
+           f"lifting {e['lifting drive']:.0f} |")  # fmt: skip
+    yield (f"| stored and dissipated in the machine | {e['stored']:.0f} J and {e['valves'] + e['friction'] + e['leakage and relief']:.0f} "
+           f"J: valves {e['valves']:.0f}, friction {e['friction']:.0f}, leakage and relief {e['leakage and relief']:.0f} |")  # fmt: skip
+    yield f"| given to the ballast, by the machine and by the ballast | {f['given']:.1f} J, {f['received']:.1f} J |"
+    share = 100 * f["balance_error"] / f["drives"] if f["drives"] else 0.0
+    yield f"| error of the energy balance | {f['balance_error']:.1f} J, {share:.2f} % of the work of the drives |"
+    yield f"| wall time of the coupling | {f['wall']:.0f} s |"
+    yield f"| hash of the ballast at the end | {f['hash']} |"
+
+
+def draw(run, unit, path):
+    """Plots pressures, forces, motion and iterations over time, and force over closing."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    trace, windows = columns(run, unit), run["windows"]
+    t, period = trace["time"], max(1, round(1 / (unit.p.frequency * unit.step)))
+    figure, axes = plt.subplots(3, 2, figsize=(13, 10), layout="constrained")
+    motion, loops, pressure, work, force, iterations = axes.flat
+    motion.plot(t, trace["depth"] * 1e3, "k", label="depth of the unit")
+    for k, name in enumerate(unit.names):
+        colour = f"C{k}"
+        motion.plot(t, trace["closing"][:, k] * 1e3, colour, lw=0.8, label=name)
+        pressure.plot(t, trace["pressure"][:, k] / 1e5, colour, lw=0.4, alpha=0.6)
+        force.plot(t, trace["force"][:, k] / 1e3, colour, lw=0.3, alpha=0.5)
+        mean = smooth(trace["force"][:, [k]], period)[:, 0] / 1e3
+        force.plot(t, mean, colour, lw=1.5, label=name)
+        closing = smooth(trace["closing"][:, [k]], period)[:, 0] * 1e3
+        squeezed = np.repeat([w["phase"] in ("squeeze", "hold") for w in windows], [w["steps"] for w in windows])
+        loops.plot(np.where(squeezed, closing, np.nan), np.where(squeezed, mean, np.nan), colour, label=name)
+    for k, pair in enumerate(unit.pairs):
+        pressure.plot(t, trace["load_pressure"][:, k] / 1e5, f"C{4 + k}", lw=2, label=f"sensor of pair {pair}")
+    pressure.plot(t, trace["supply"] / 1e5, "k", lw=0.8, label="supply")
+    pressure.axhline(unit.p.preset_pressure / 1e5, color="grey", ls="--", lw=0.8, label="preset")
+    ends = [w["t1"] for w in windows]
+    work.plot(ends, np.cumsum([w["tines"] for w in windows]), label="tines")
+    work.plot(ends, np.cumsum([w["received"] - w["tines"] for w in windows]), label="sleeper")
+    iterations.plot(ends, [w["iterations"] for w in windows], ".", ms=3)
+    for ax, title, label in (
+        (motion, "motion", "mm"), (loops, "squeeze: force over closing, period means", "kN"),
+        (pressure, "load pressure of the cylinders", "bar"), (work, "work on the ballast", "J"),
+        (force, "closing force at the tines", "kN"), (iterations, "iterations of the coupling", "")):  # fmt: skip
+        ax.set(title=title, ylabel=label, xlabel="closing, mm" if ax is loops else "time, s")
+        ax.grid(alpha=0.3)
+        if ax is not iterations:
+            ax.legend(fontsize="x-small")
+    begins = [(a["t1"], a["phase"]) for a, b in zip(windows[1:], windows, strict=False) if a["phase"] != b["phase"]]
+    for ax in (motion, pressure, work, force, iterations):
+        for at, _ in begins:
+            ax.axvline(at, color="grey", lw=0.5)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+if __name__ == "__main__":
+    main()
