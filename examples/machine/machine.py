@@ -56,6 +56,7 @@ class Parameters:
 
     # Squeeze valves, one of each pair.
     valve_flow: float = 6.0e-5  # m3/s at 35 bar per edge and cylinder; [E] 3.6 l/min, closes 60 mm in 0.4 s without load
+    check_flow: float = 4.0e-4  # m3/s at 35 bar of the check valves to the tank; [E]
     valve_time: float = 0.008  # s; [E] catalogues of proportional valves: 5 to 20 ms
     relief_pressure: float = 210e5  # Pa of each chamber; [E]
     relief_gain: float = 2e-10  # m3/(s Pa) above that pressure; [E]
@@ -84,7 +85,7 @@ class Parameters:
     insertion_time: float = 0.35  # s; [E] 0.3 to 0.5 s
     insertion_limit: float = 0.60  # s, after which the squeeze starts at any depth; [E]
     depth_tolerance: float = 0.008  # m above full depth at which the squeeze starts; [E]
-    squeeze_time: float = 0.50  # s, longest; [E] 0.6 to 1.2 s in practice
+    squeeze_time: float = 0.80  # s, longest; [P] 0.6 to 1.2 s
     closing_limit: float = 0.060  # m at the blade; [G] gap to the sleeper less amplitude and a clearance
     hold_time: float = 0.05  # s; [E]
     withdrawal_time: float = 0.30  # s; [E] 0.3 to 0.5 s
@@ -159,7 +160,7 @@ class TampingUnit:
         self.y[self.at["p_ins"]] = -p.unit_mass * GRAVITY / p.insertion_area
         self.y[self.at["pb"]] = p.supply_pressure
         self.area_a, self.area_b = p.piston_area(), p.rod_area()
-        self.valve = p.valve_flow / math.sqrt(35e5)
+        self.valve, self.check = p.valve_flow / math.sqrt(35e5), p.check_flow / math.sqrt(35e5)
         self.stroke = p.closing_limit * p.upper_length / p.lower_length + 0.02
         self.chamber_a, self.chamber_b = (p.line_volume + 0.5 * area * self.stroke for area in (self.area_a, self.area_b))
         # The oil presses the open pistons onto their stops by this overlap.
@@ -342,8 +343,8 @@ class TampingUnit:
             to_a, from_a = opened * _root(supply - pa), closed * _root(pa)
             to_b, from_b = closed * _root(supply - pb), opened * _root(pb)
             leak = p.leakage * (pa - pb)
-            out_a = p.relief_gain * max(pa - p.relief_pressure, 0.0) - self.valve * _root(max(-pa, 0.0))
-            out_b = p.relief_gain * max(pb - p.relief_pressure, 0.0) - self.valve * _root(max(-pb, 0.0))
+            out_a = p.relief_gain * max(pa - p.relief_pressure, 0.0) - self.check * _root(max(-pa, 0.0))
+            out_b = p.relief_gain * max(pb - p.relief_pressure, 0.0) - self.check * _root(max(-pb, 0.0))
             out[at["pa"].start + i] = p.bulk_modulus / self.chamber_a * (to_a - from_a - area_a * speed - leak - out_a)
             out[at["pb"].start + i] = p.bulk_modulus / self.chamber_b * (to_b - from_b + area_b * speed + leak - out_b)
             pressures[pair] += (pa - pb * area_b / area_a) / self.arms_of[pair]

@@ -20,7 +20,6 @@ import numpy as np
 from ballast import couple
 
 HERE = Path(__file__).parent
-CHECKPOINT_WINDOWS = 50
 
 
 def arguments():
@@ -29,11 +28,12 @@ def arguments():
     parser.add_argument("--out", type=Path, default=Path("runs/machine"), help="folder of the results")
     parser.add_argument("--scheme", choices=couple.SCHEMES, default="implicit", help="coupling scheme")
     parser.add_argument("--acceleration", choices=couple.ACCELERATIONS, default="iqn-ils", help="acceleration")
-    parser.add_argument("--window", type=int, default=4, help="time steps of a window")
+    parser.add_argument("--window", type=int, default=2, help="time steps of a window")
     parser.add_argument("--tolerance", type=float, default=2e-6, help="tolerance of the implicit scheme, m")
     parser.add_argument("--pairs", default="", help="pairs that squeeze in each cycle, such as 0/0,1; default: one cycle of all")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter of the unit")
     parser.add_argument("--windows", type=int, default=10**9, help="largest number of windows")
+    parser.add_argument("--checkpoint", type=int, default=50, metavar="WINDOWS", help="windows from one checkpoint to the next")
     parser.add_argument("--resume", action="store_true", help="continue from the last checkpoint")
     parser.add_argument("--threads", type=int, help="computing threads")
     return parser.parse_args()
@@ -54,7 +54,7 @@ def main():
             window = coupling.advance()
             run["wall"] += time.perf_counter() - began
             keep(run, window, unit, phase)
-            if len(run["windows"]) % CHECKPOINT_WINDOWS == 0:
+            if len(run["windows"]) % args.checkpoint == 0:
                 write_whole(saved, pickle.dumps((coupling.save(), run)))
                 print(f"{sim.now_ns * 1e-9:.3f} s  {unit.phase}  {window.iterations} iterations", flush=True)
         figures = summary(run, unit, sim)

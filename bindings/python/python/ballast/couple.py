@@ -194,15 +194,21 @@ class Coupling:
     def save(self) -> Checkpoint:
         """Returns the state of both sides and of the scheme."""
         memory = {"forces": dict(self._mean_forces), "given": dict(self._given), "followed": dict(self._followed)}
-        return Checkpoint(self.sim.save(), self.partner.save(), memory | {"guess": self._guess.save()})
+        memory |= {"guess": self._guess.save(), "window_steps": self.window_steps}
+        return Checkpoint(self.sim.save(), self.partner.save(), memory)
 
     def restore(self, checkpoint: Checkpoint) -> None:
-        """Restores a state of `save`, of this coupling or of one with the same settings in another process."""
+        """Restores a state of `save`, also of another process.
+
+        With the same settings the coupling continues with the same bytes.
+        """
         self.sim.restore(checkpoint.simulation)
         self.partner.restore(checkpoint.partner)
         memory = checkpoint.memory
         self._mean_forces, self._given, self._followed = (dict(memory[key]) for key in ("forces", "given", "followed"))
-        self._guess.restore(memory["guess"])
+        if memory["window_steps"] == self.window_steps:
+            # Differences of windows of another length say nothing.
+            self._guess.restore(memory["guess"])
 
     def _advance_parallel(self, forces: Rows) -> Window:
         if not self._given:
