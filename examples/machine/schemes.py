@@ -1,6 +1,6 @@
 """Compares coupling schemes and window lengths over a few milliseconds of a cycle: error and cost.
 
-    python examples/machine/tamp.py --out runs/part --windows 450
+    python examples/machine/tamp.py --out runs/part --windows 500
     python examples/machine/schemes.py runs/part --steps 32
 
 Every scheme starts from the checkpoint of the run. The reference is the implicit scheme with windows of one step and a

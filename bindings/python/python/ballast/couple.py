@@ -187,7 +187,8 @@ class Coupling:
                 return self._end(1, 0.0, True, given, given, forces, self._advance_simulation(given, again=False))
             return self._iterate(before, given)
         except CouplingError:
-            self.sim.restore(start)
+            if self.sim.now_ns != self._t0_ns:
+                self.sim.restore(start)
             self.partner.restore(before)
             raise
 
