@@ -165,8 +165,9 @@ def table(f):
     e = f["energies"]
     yield (f"| work of the drives | {f['drives']:.0f} J: pump {e['pump']:.0f}, eccentric motor {e['eccentric motor']:.0f}, "
            f"lifting {e['lifting drive']:.0f} |")  # fmt: skip
-    yield (f"| stored and dissipated in the machine | {e['stored']:.0f} J and {e['valves'] + e['friction'] + e['leakage and relief']:.0f} "
-           f"J: valves {e['valves']:.0f}, friction {e['friction']:.0f}, leakage and relief {e['leakage and relief']:.0f} |")  # fmt: skip
+    lost = [e[name] for name in ("valves", "friction", "leakage and relief")]
+    yield (f"| stored and dissipated in the machine | {e['stored']:.0f} J and {sum(lost):.0f} J: valves {lost[0]:.0f}, "
+           f"friction {lost[1]:.0f}, leakage and relief {lost[2]:.0f} |")  # fmt: skip
     yield f"| given to the ballast, by the machine and by the ballast | {f['given']:.1f} J, {f['received']:.1f} J |"
     share = 100 * f["balance_error"] / f["drives"] if f["drives"] else 0.0
     yield f"| error of the energy balance | {f['balance_error']:.1f} J, {share:.2f} % of the work of the drives |"

@@ -116,7 +116,8 @@ def summary(run):
     iterations = np.array([w.iterations for w in run["windows"]])
     given = sum(w.work_given for w in run["windows"])
     return {
-        "names": model.names, "axles": axles, "settlement": [float(d) for d in height[np.searchsorted(t, seated) - 1] - height[-1]],
+        "names": model.names, "axles": axles,
+        "settlement": [float(d) for d in height[np.searchsorted(t, seated) - 1] - height[-1]],
         "windows": len(iterations), "median_iterations": float(np.median(iterations)), "max_iterations": int(iterations.max()),
         "not_converged": sum(not w.is_converged for w in run["windows"]), "work_given": given,
         "energy_lost": sum(abs(w.energy_residual) for w in run["windows"]),
@@ -134,14 +135,10 @@ def table(figures):
     def row(label, value):
         return f"| {label} | {' | '.join(value(f) for f in pair)} |"
 
-    def by_axle(key, middle_only=True):
-        def value(f):
-            return ", ".join(f"{(a[key][middle] if middle_only else a[key]) * (1e3 if middle_only else 100):.2f}" for a in f["axles"])
-        return value  # fmt: skip
-
-    yield row("load share of the middle sleeper by axle, %", by_axle("load_share", middle_only=False))
-    yield row("deflection of the middle sleeper by axle, mm", by_axle("deflection"))
-    yield row("rest of the middle sleeper by axle, mm", by_axle("rest"))
+    yield row("load share of the middle sleeper by axle, %", lambda f: ", ".join(f"{a['load_share'] * 100:.2f}" for a in f["axles"]))
+    for key in ("deflection", "rest"):
+        yield row(f"{key} of the middle sleeper by axle, mm",
+                  lambda f, key=key: ", ".join(f"{a[key][middle] * 1e3:.2f}" for a in f["axles"]))  # fmt: skip
     yield row("settlement of the sleepers over all axles, mm", lambda f: ", ".join(f"{s * 1e3:.2f}" for s in f["settlement"]))
     yield row("work on the ballast, J", lambda f: f"{f['work_received']:.2f}")
     yield row("energy lost at the interface, J", lambda f: f"{f['energy_lost']:.4f}")

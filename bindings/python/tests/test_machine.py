@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -150,7 +149,7 @@ def test_coupled_cycle(place: Path, undisturbed: dict[str, Any]) -> None:
 
 def test_a_partner_killed_in_the_squeeze_continues_with_the_same_bytes(place: Path, undisturbed: dict[str, Any]) -> None:
     program = [*PROGRAM, "--out", "killed"]
-    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True, cwd=place, env=os.environ | {"PYTHONUNBUFFERED": "1"}) as killed:
+    with subprocess.Popen(program, stdout=subprocess.PIPE, text=True, cwd=place) as killed:
         assert killed.stdout is not None
         assert any("squeeze" in line for line in killed.stdout), "no checkpoint in the squeeze"
         killed.send_signal(signal.SIGKILL)
