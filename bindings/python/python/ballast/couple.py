@@ -194,7 +194,7 @@ class Coupling:
 
     def save(self) -> Checkpoint:
         """Returns the state of both sides and of the scheme."""
-        memory = {"forces": dict(self._mean_forces), "given": dict(self._given), "followed": dict(self._followed)}
+        memory: dict[str, Any] = {"forces": dict(self._mean_forces), "given": dict(self._given), "followed": dict(self._followed)}
         memory |= {"guess": self._guess.save(), "window_steps": self.window_steps}
         return Checkpoint(self.sim.save(), self.partner.save(), memory)
 
