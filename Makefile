@@ -9,7 +9,7 @@
 
 demo: setup
 	# Without the network, which would take the compiler longer than all the rest.
-	cargo run --release --locked --no-default-features -- run examples/first.toml --force
+	cargo run --release --locked --no-default-features -- run examples/slice.toml --force
 
 test: test-rust test-python test-book
 

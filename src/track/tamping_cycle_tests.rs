@@ -354,7 +354,7 @@ fn sleepers_are_released_and_loaded_after_the_withdrawal() {
         assert_eq!(cycle.phase(time), phase, "{time}");
     }
     let step = model.stepping.step_ns;
-    let ns = |time: f64| (time * 1e9) as u64;
+    let ns = |time: f64| (time * 1e9).round() as u64;
     let height = |time: f64| {
         let mut height = f64::NAN;
         cycle.positions(&model, ns(time) - step, &decoded(&cycle, &state), |d, position| {

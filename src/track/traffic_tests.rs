@@ -1,5 +1,7 @@
+use crate::geometry::AxisBox;
 use crate::math::Vec3;
 use crate::model::{ContactStiffness, Role};
+use crate::observe::{self, Zone};
 use crate::track::plan::{LoadCycles, Plan, SleeperPlan, StiffnessPlan, TrafficPlan};
 use crate::track::test_plan::small_plan;
 use crate::track::{Bed, DepositStage, deposit, scene};
@@ -79,20 +81,18 @@ fn traffic_settles_the_sleeper_and_compacts_the_bed_under_it() {
     assert_eq!(roles[..5], [Role::Boundary; 5]);
     assert_eq!(roles[5..], [Role::Sleeper]);
     assert!(state.position[..n].iter().all(|p| p.z > total && p.z < 0.13));
-    // As many grains under the sleeper as before are in a layer that is thinner.
     let mut loose = plan.clone();
     loose.bed.traffic = None;
     let loose = prepared(&loose);
     assert!(loose.settlements.is_empty());
     let under = |bed: &Bed, floor: f64| {
-        let inside = |g: usize| {
-            let p = bed.state.position[g];
-            (p.x - 0.13).abs() < 0.04 && (p.y - 0.1).abs() < 0.05 && p.z < 0.08
-        };
-        let count = (0..bed.model.grains.len()).filter(|g| inside(*g)).count();
-        count as f64 / (0.08 - floor)
+        let region =
+            AxisBox { low: Vec3::new(0.09, 0.05, floor), high: Vec3::new(0.17, 0.15, 0.08) };
+        let zone = Zone { name: "under".into(), region };
+        observe::compactness(&bed.model, &bed.state, &zone).unwrap().compactness
     };
-    assert!(under(&bed, total) > 1.03 * under(&loose, 0.0));
+    let compactness = [under(&loose, 0.0), under(&bed, total)];
+    assert!(compactness[1] > 1.02 * compactness[0], "{compactness:?}");
     scene(&plan, bed).expect("the bed of the plan");
 }
 

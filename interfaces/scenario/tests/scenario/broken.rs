@@ -287,6 +287,17 @@ const TABLE: &[Broken] = &[
         "= «1.56",
         &["time step is too large", "32.710 m/s", "the vibration included"],
     ),
+    // Traffic.
+    Broken(
+        "[run]",
+        "[bed.traffic]\ncycles = 3\nmax_load_N = 1e3\nmin_load_N = «2e3\nfrequency_Hz = 5\n[run]",
+        &["the smallest load is not below the largest", "2000 N", "`max_load_N`, 1000 N"],
+    ),
+    Broken(
+        "[tamping]",
+        "[tamping.«traffic]\ncycles = 3\nmax_load_N = 1e3\nfrequency_Hz = 5\n[tamping]",
+        &["no load moves `sleeper_1`", "`z = \"spring\"`"],
+    ),
     // Time and solver.
     Broken("step_s = 8e-4", "step_s = «1.5e-9", &["whole number of nanoseconds"]),
     Broken("= 1.764", "= «1.8175", &["whole number of time steps", "1.8168 or 1.8176 s"]),

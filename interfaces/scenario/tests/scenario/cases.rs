@@ -2,7 +2,7 @@
 
 use crate::{BASE, changed};
 use ballast::math::Vec3;
-use ballast::model::{ContactStiffness, DofMode, Grains, Model, Solver};
+use ballast::model::{ContactStiffness, DofMode, DrivenBody, Grains, Model, Solver};
 use ballast::track::TampingCycle;
 use ballast::track::boundary::boundaries;
 use ballast::track::plan::Plan;
@@ -10,8 +10,9 @@ use ballast::track::sleeper::sleeper;
 use ballast::track::tine::tine;
 use ballast_scenario::{content_key, read_case};
 
-const EXAMPLES: [(&str, &str); 4] = [
+const EXAMPLES: [(&str, &str); 5] = [
     ("first", include_str!("../../../../examples/first.toml")),
+    ("slice", include_str!("../../../../examples/slice.toml")),
     ("laptop", include_str!("../../../../examples/laptop.toml")),
     ("one_sleeper", include_str!("../../../../examples/one_sleeper.toml")),
     ("seven_sleepers", include_str!("../../../../examples/seven_sleepers.toml")),
@@ -301,10 +302,17 @@ fn model_without_grains(plan: &Plan) -> Model {
     let mut shapes = Vec::new();
     let mut driven: Vec<_> =
         plan.tines.iter().map(|t| tine(t, plan.bed.friction.tine, &mut shapes).unwrap()).collect();
+    let mut sleepers: Vec<_> = plan
+        .sleepers
+        .iter()
+        .map(|s| DrivenBody {
+            mount: s.mount,
+            ..sleeper(s, plan.bed.friction.sleeper, &mut shapes).unwrap()
+        })
+        .collect();
+    driven.extend(sleepers.extract_if(.., |s| s.mount.is_some()));
     driven.extend(boundaries(&plan.bed.size, plan.bed.friction.boundary));
-    for s in &plan.sleepers {
-        driven.push(sleeper(s, plan.bed.friction.sleeper, &mut shapes).unwrap());
-    }
+    driven.append(&mut sleepers);
     Model {
         shapes,
         grains: Grains::default(),
