@@ -16,7 +16,7 @@ use crate::model::check::expect;
 use crate::model::{DofMode, Model, Mount, Part, Role};
 use crate::state::State;
 use crate::step::StepObserver;
-use crate::track::scene::put_on_mount;
+use crate::track::mounting::put_on_mount;
 use crate::track::sleeper::CONCRETE;
 use std::sync::Arc;
 

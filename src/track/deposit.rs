@@ -55,8 +55,8 @@ pub const MAX_GRAINS: f64 = 2e7;
 /// Maximum penetration left in a bed, in mean grain sizes: a run would not remove it.
 const MAX_BED_PENETRATION: f64 = 0.05;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
-pub(super) const REST_ITERATIONS: u32 = 500;
-pub(super) const REST_TOLERANCE: f64 = 1.666e-4;
+const REST_ITERATIONS: u32 = 500;
+const REST_TOLERANCE: f64 = 1.666e-4;
 /// Overlap with a sleeper that counts as none, of the grain's volume.
 const TOUCH: f64 = 1e-9;
 
@@ -220,7 +220,8 @@ impl Site<'_> {
     fn carry_traffic(&mut self) -> Result<ControlFlow<()>> {
         let Some(load) = &self.plan.bed.traffic else { return Ok(ControlFlow::Continue(())) };
         let (builder, settlements) = (&mut self.builder, &mut self.settlements);
-        traffic::carry_traffic(self.plan, load, builder, settlements, self.watch)
+        let solver = solver(REST_ITERATIONS, Some(REST_TOLERANCE));
+        traffic::carry_traffic(self.plan, load, solver, builder, settlements, self.watch)
     }
 
     /// Stage 5: the cribs after the traffic.
@@ -312,7 +313,7 @@ fn pouring(plan: &Plan, stage: DepositStage) -> Settling {
 
 /// The solver of the preparation. It is not the run's: one bed serves runs of all solvers, and an
 /// asynchronous one would prepare another bed each time.
-pub(super) fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
+fn solver(iterations: u32, tolerance: Option<f64>) -> Solver {
     Solver {
         schedule: Schedule::Synchronous,
         max_iterations: iterations,

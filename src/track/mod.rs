@@ -7,6 +7,7 @@ mod force_limited_progress;
 mod height_map;
 mod machine_control;
 pub mod motion_law;
+pub(crate) mod mounting;
 pub mod plan;
 mod pour;
 pub mod scene;

@@ -3,13 +3,14 @@
 //! Reads: the plan, a bed. Writes: model and state at the start of the run.
 
 use super::deposit::{Bed, top};
+use super::mounting::put_on_mount;
 use super::sleeper::sleeper_pose;
 use super::tamping_cycle::start_position;
 use super::tine::tine;
 use crate::error::{Error, Result};
 use crate::integrate;
 use crate::math::{Pose, Vec3};
-use crate::model::{DrivenBody, Model, Mount};
+use crate::model::{DrivenBody, Model};
 use crate::state::State;
 use crate::track::plan::{Plan, SleeperPlan, TinePlan, apply_run_settings};
 use std::sync::Arc;
@@ -46,42 +47,6 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     state.driver = Arc::default();
     state.energy = integrate::open_ledger(&model, &state);
     Ok((model, state))
-}
-
-/// Puts driven body `d`, which stands still, on a mount: behind the other mounted ones.
-pub(crate) fn put_on_mount(model: &mut Model, state: &mut State, d: usize, mount: Mount) {
-    let (first, ng) = (model.mounted_count(), model.grains.len());
-    model.driven[d].mount = Some(mount);
-    model.driven[first..=d].rotate_right(1);
-    let bodies = ng + first..=ng + d;
-    state.position[bodies.clone()].rotate_right(1);
-    state.orientation[bodies.clone()].rotate_right(1);
-    state.velocity[bodies.clone()].rotate_right(1);
-    state.angular_velocity[bodies.clone()].rotate_right(1);
-    state.mount.push(state.pose(ng + first));
-    state.contacts.renumber(|b| match b {
-        _ if !bodies.contains(&b) => b,
-        _ if b == ng + d => ng + first,
-        _ => b + 1,
-    });
-}
-
-/// Takes the first mounted body off its mount and puts it, standing still, behind all driven bodies.
-pub(super) fn take_off_mount(model: &mut Model, state: &mut State) {
-    let (ng, last) = (model.grains.len(), model.body_count() - 1);
-    model.driven[0].mount = None;
-    model.driven.rotate_left(1);
-    state.position[ng..].rotate_left(1);
-    state.orientation[ng..].rotate_left(1);
-    state.velocity[ng..].rotate_left(1);
-    state.angular_velocity[ng..].rotate_left(1);
-    state.velocity[last] = Vec3::zeros();
-    state.mount.remove(0);
-    state.contacts.renumber(|b| match b {
-        _ if b < ng => b,
-        _ if b == ng => last,
-        _ => b - 1,
-    });
 }
 
 /// Adds a driven body at rest: behind all others, or behind the other mounted ones.

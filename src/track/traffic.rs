@@ -4,8 +4,7 @@
 //! Contract: the same plan gives the same bytes. Afterwards the sleepers stand at the level of the plan; bed and floor are
 //! moved up by the settlement.
 
-use super::deposit::{REST_ITERATIONS, REST_TOLERANCE, solver};
-use super::scene::{put_on_mount, take_off_mount};
+use super::mounting::{put_on_mount, take_off_mount};
 use super::settle::{BedBuilder, DepositProgress, DepositStage, Settling};
 use super::sleeper::{sleeper_mount, sleeper_pose};
 use super::tamping_cycle::check_load_cycles;
@@ -13,7 +12,7 @@ use crate::drive::{Load, StepInputs};
 use crate::error::Result;
 use crate::math::Vec3;
 use crate::model::check::expect;
-use crate::model::{DofMode, Model, Mount};
+use crate::model::{DofMode, Model, Mount, Solver};
 use crate::step::step;
 use crate::track::motion_law::smooth_step;
 use crate::track::plan::{Plan, SleeperPlan, TrafficPlan};
@@ -33,10 +32,11 @@ pub(super) fn check(plan: &Plan, traffic: &TrafficPlan) -> Result<()> {
 }
 
 /// Loads the sleepers through all cycles, or until a cycle settles them less than the limit. Adds the mean settlement at
-/// the end of each cycle to `settlements` (m); returns whether a stop was requested.
+/// the end of each cycle to `settlements` (m); returns whether a stop was requested. `solver` solves the steps.
 pub(super) fn carry_traffic(
     plan: &Plan,
     traffic: &TrafficPlan,
+    solver: Solver,
     builder: &mut BedBuilder,
     settlements: &mut Vec<f64>,
     watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
@@ -48,7 +48,7 @@ pub(super) fn carry_traffic(
     let h = plan.run.stepping.h();
     let steps = |duration: f64| (duration / h).round().max(1.0) as u64;
     let total = steps(traffic.load.duration());
-    let settling = settling(plan, total);
+    let settling = settling(plan, solver, total);
     builder.adopt(&settling);
     let targets = builder.state.driven_poses(&builder.model);
     let start = mean_level(plan, builder);
@@ -72,18 +72,18 @@ pub(super) fn carry_traffic(
     for _ in &plan.sleepers {
         take_off_mount(&mut builder.model, &mut builder.state);
     }
-    if plan.sleepers.len() > 1 && level_sleepers(plan, builder, watch)?.is_break() {
+    if plan.sleepers.len() > 1 && level_sleepers(plan, solver, builder, watch)?.is_break() {
         return Ok(ControlFlow::Break(()));
     }
     raise(plan, builder);
     Ok(ControlFlow::Continue(()))
 }
 
-fn settling(plan: &Plan, steps: u64) -> Settling {
+fn settling(plan: &Plan, solver: Solver, steps: u64) -> Settling {
     Settling {
         stage: DepositStage::Traffic,
         stepping: plan.run.stepping,
-        solver: solver(REST_ITERATIONS, Some(REST_TOLERANCE)),
+        solver,
         grain_friction: plan.bed.friction.grain,
         fall_speed: None,
         steps: [steps, steps],
@@ -107,12 +107,13 @@ fn advance(
 /// Brings all sleepers to their mean level, as the rails do.
 fn level_sleepers(
     plan: &Plan,
+    solver: Solver,
     builder: &mut BedBuilder,
     watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
 ) -> Result<ControlFlow<()>> {
     let h = plan.run.stepping.h();
     let steps = (LEVELLING_DURATION / h).ceil().max(1.0) as u64;
-    let settling = settling(plan, steps);
+    let settling = settling(plan, solver, steps);
     let (start, level) = (builder.state.driven_poses(&builder.model), mean_level(plan, builder));
     let bodies: Vec<usize> =
         plan.sleepers.iter().map(|s| sleeper_index(&builder.model, s)).collect();
@@ -155,7 +156,7 @@ fn sleeper_index(model: &Model, s: &SleeperPlan) -> usize {
     model.driven_index(&s.name).expect("a bed holds the sleepers of its plan")
 }
 
-/// Mount of a sleeper that loads move vertically, with the mass of its own mount or that of concrete.
+/// Mount of a sleeper that loads move vertically, with the mass of its mount in the run, or that of concrete.
 fn vertical_mount(s: &SleeperPlan) -> Mount {
     let mut mount =
         s.mount.unwrap_or_else(|| sleeper_mount(&s.blocks, None, [DofMode::Prescribed; 6]));

@@ -10,7 +10,7 @@ const STAGES: [(DepositStage, f64); 4] = [
     (DepositStage::Trim, 0.1),
     (DepositStage::Rest, 0.1),
 ];
-/// The same with traffic over the bed.
+/// Stages with traffic over the bed, and their fractions.
 const STAGES_WITH_TRAFFIC: [(DepositStage, f64); 6] = [
     (DepositStage::Pour, 0.1),
     (DepositStage::Fill, 0.15),

@@ -93,7 +93,10 @@ fn cycle_fits(tamping: &TampingPlan, run: &RunPlan, report: &mut DiagnosticRepor
         report.error("run.duration_s", text);
     } else if withdrawal_start + tamping.withdrawal + after > duration * (1.0 + 1e-9) {
         let text = DiagnosticText {
-            problem: "the run ends before the cycle".into(),
+            problem: match after {
+                0.0 => "the run ends during the withdrawal".into(),
+                _ => "the run ends before the cycle".into(),
+            },
             found: format!("{} s", tamping.withdrawal),
             expected: format!("at most {:.4} s", duration - withdrawal_start - after),
             hint: None,
