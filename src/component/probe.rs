@@ -349,8 +349,5 @@ fn vertical_mount(model: &Model, d: usize) -> Mount {
         centre: Vec3::zeros(),
         dof_modes: [DofMode::Prescribed; 6],
     };
-    let mut mount = body.mount.unwrap_or(of_concrete);
-    mount.dof_modes = [DofMode::Prescribed; 6];
-    mount.dof_modes[2] = DofMode::Free;
-    mount
+    body.mount.unwrap_or(of_concrete).free_vertically()
 }

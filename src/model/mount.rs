@@ -115,6 +115,13 @@ impl Mount {
         needed.fold(stepping.theta, f64::max)
     }
 
+    /// Returns the mount with its vertical translation free and everything else prescribed.
+    pub(crate) fn free_vertically(mut self) -> Self {
+        self.dof_modes = [DofMode::Prescribed; 6];
+        self.dof_modes[2] = DofMode::Free;
+        self
+    }
+
     /// Returns the inertia that spring and damper of degree of freedom `k` add by responding within the step (T-28).
     pub fn added_inertia(&self, k: usize, stepping: &Stepping) -> f64 {
         let h = stepping.h();

@@ -63,8 +63,9 @@ pub(super) fn carry_traffic(
         let cycles = settlements.len() as u32 + 1;
         if done == steps(f64::from(cycles) / traffic.load.frequency) {
             let before = settlements.last().copied().unwrap_or(0.0);
-            settlements.push(start - mean_level(plan, builder));
-            if start - mean_level(plan, builder) - before < traffic.settlement_limit {
+            let settlement = start - mean_level(plan, builder);
+            settlements.push(settlement);
+            if settlement - before < traffic.settlement_limit {
                 break;
             }
         }
@@ -158,11 +159,8 @@ fn sleeper_index(model: &Model, s: &SleeperPlan) -> usize {
 
 /// Mount of a sleeper that loads move vertically, with the mass of its mount in the run, or that of concrete.
 fn vertical_mount(s: &SleeperPlan) -> Mount {
-    let mut mount =
-        s.mount.unwrap_or_else(|| sleeper_mount(&s.blocks, None, [DofMode::Prescribed; 6]));
-    mount.dof_modes = [DofMode::Prescribed; 6];
-    mount.dof_modes[2] = DofMode::Free;
-    mount
+    let of_concrete = || sleeper_mount(&s.blocks, None, [DofMode::Prescribed; 6]);
+    s.mount.unwrap_or_else(of_concrete).free_vertically()
 }
 
 #[cfg(test)]

@@ -112,9 +112,11 @@ impl BedStore {
         let failed = |source| Error::Preparation { case: case.plan.name.clone(), source };
         let Some(bed) = track::deposit(&case.plan, watch).map_err(failed)? else { return Ok(None) };
         let settlements = bed.settlements;
-        let written: Vec<String> = settlements.iter().map(f64::to_string).collect();
-        let notes = BTreeMap::from([(SETTLEMENTS.to_owned(), written.join(" "))]);
-        let notes = if settlements.is_empty() { BTreeMap::new() } else { notes };
+        let mut notes = BTreeMap::new();
+        if !settlements.is_empty() {
+            let written: Vec<String> = settlements.iter().map(f64::to_string).collect();
+            notes.insert(SETTLEMENTS.to_owned(), written.join(" "));
+        }
         let bed = case.checkpoint_of(Kind::Bed, bed.model, bed.state, notes);
         checkpoint::write(self.path(&case.plan), &bed).map_err(Error::Write)?;
         Ok(Some(Bed { model: bed.model, state: bed.state, settlements }))
@@ -135,7 +137,7 @@ impl BedStore {
 const SETTLEMENTS: &str = "traffic_settlements_m";
 
 /// Returns the settlements of the traffic from the notes of a stored bed, m; none if there was no traffic.
-pub fn settlements(notes: &BTreeMap<String, String>) -> Vec<f64> {
+fn settlements(notes: &BTreeMap<String, String>) -> Vec<f64> {
     let values = notes.get(SETTLEMENTS).map_or("", String::as_str).split(' ');
     values.filter_map(|value| value.parse().ok()).collect()
 }

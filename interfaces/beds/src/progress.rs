@@ -63,11 +63,8 @@ impl PreparationProgress {
             Ordering::Equal => fraction * self.within,
             Ordering::Greater => 0.0,
         };
-        if done.has_traffic {
-            STAGES_WITH_TRAFFIC.map(finished).iter().sum()
-        } else {
-            STAGES.map(finished).iter().sum()
-        }
+        let stages: &[_] = if done.has_traffic { &STAGES_WITH_TRAFFIC } else { &STAGES };
+        stages.iter().copied().map(finished).sum()
     }
 }
 

@@ -141,11 +141,11 @@ impl UnitBed {
         let path = resources.join(BED_FILE);
         let bytes = std::fs::read(&path)
             .map_err(|source| Error::Io { path: path.display().to_string(), source })?;
-        Ok((Self::from_bytes(&bytes)?, token(&bytes)))
+        Ok((Self::from_bytes(&bytes)?, instantiation_token(&bytes)))
     }
 }
 
 /// Returns the token of a unit, which ties description and bed together (FMI 2: `guid`).
-pub fn token(bed: &[u8]) -> String {
+pub fn instantiation_token(bed: &[u8]) -> String {
     format!("{{ballast-{}-{}}}", env!("CARGO_PKG_VERSION"), &blake3::hash(bed).to_hex()[..32])
 }

@@ -54,7 +54,7 @@ impl InputValues<'_> {
         let mut inputs = WindowInputs::default();
         for (d, body) in component.model().driven.iter().enumerate() {
             if self.marks.moved[d] {
-                let waveform = self.motion(component, d, end_ns)?;
+                let waveform = self.waveform(component, d, end_ns)?;
                 let motion = MotionInput { body: body.name.clone(), waveform, allow_jump: false };
                 inputs.motions.push(motion);
             }
@@ -70,7 +70,12 @@ impl InputValues<'_> {
         Ok(inputs)
     }
 
-    fn motion(&self, component: &Component, d: usize, end_ns: u64) -> Result<Waveform, Complaint> {
+    fn waveform(
+        &self,
+        component: &Component,
+        d: usize,
+        end_ns: u64,
+    ) -> Result<Waveform, Complaint> {
         let (model, state) = (component.model(), component.state());
         let now_ns = component.now_ns();
         let seconds = (end_ns - now_ns) as f64 * 1e-9;

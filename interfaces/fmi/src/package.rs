@@ -1,6 +1,6 @@
 //! Archive of a unit: description, library, bed and case.
 
-use crate::bed::{BED_FILE, Error, UnitBed, token};
+use crate::bed::{BED_FILE, Error, UnitBed, instantiation_token};
 use crate::description::MODEL_IDENTIFIER;
 use crate::variable_table::VariableTable;
 use crate::{description2, description3};
@@ -48,7 +48,7 @@ impl FmiVersion {
 /// A description or an archive that cannot be written.
 pub fn unit_bytes(bed: &UnitBed, library: &[u8], version: FmiVersion) -> Result<Vec<u8>, Error> {
     let bytes = bed.to_bytes();
-    let (token, table) = (token(&bytes), VariableTable::new(bed));
+    let (token, table) = (instantiation_token(&bytes), VariableTable::new(bed));
     let failed = |e: &dyn std::fmt::Display| Error::Package(e.to_string());
     let description = match version {
         FmiVersion::Two => description2::model_description(bed, &table, &token),

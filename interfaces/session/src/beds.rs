@@ -6,6 +6,7 @@ use crate::case::Case;
 use crate::interrupt;
 use crate::quantities::Quantity;
 use crate::stones::{stones_json, stones_text};
+use crate::summary::last_cycle;
 use crate::table::duration;
 use crate::{Failure, Result};
 use ballast::model::Model;
@@ -41,13 +42,12 @@ pub fn prepare(case: &Case, folder: &Path, again: bool, console: &dyn Reporter) 
 /// Returns a line with the settlements of the traffic over a bed; `None` without traffic.
 pub fn traffic_text(settlements: &[f64]) -> Option<String> {
     let all = settlements.last()?;
-    let before = settlements.iter().rev().nth(1).copied().unwrap_or(0.0);
     Some(format!(
         "{}: {:.1} mm in {} load cycles, {:.2} mm in the last",
         Quantity::TrafficSettlement.label(),
         1e3 * all,
         settlements.len(),
-        1e3 * (all - before)
+        1e3 * last_cycle(settlements)
     ))
 }
 

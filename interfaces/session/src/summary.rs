@@ -483,6 +483,15 @@ impl TimedValue {
     }
 }
 
+/// Returns the settlement in the last cycle, m, from the settlements at the end of each; 0 without a cycle.
+pub fn last_cycle(settlements: &[f64]) -> f64 {
+    match settlements {
+        [] => 0.0,
+        [only] => *only,
+        [.., before, last] => last - before,
+    }
+}
+
 fn timed(row: &StepRow, value: f64) -> TimedValue {
     TimedValue { value, time: row.get(Column::Time), phase: row.phase() }
 }

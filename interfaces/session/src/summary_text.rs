@@ -4,7 +4,7 @@ use crate::profile::Profile;
 use crate::quantities::Quantity as Q;
 use crate::record::Column;
 use crate::run_files::RunFiles;
-use crate::summary::{BodySummary, RunSummary, TimedValue};
+use crate::summary::{BodySummary, RunSummary, TimedValue, last_cycle};
 use crate::table::{TextTable, duration, figure};
 use ballast::model::Role;
 use std::path::Path;
@@ -116,8 +116,7 @@ fn settlement(summary: &RunSummary) -> TextTable {
     for (tracked, body) in bodies.filter(|(tracked, _)| tracked.role == Role::Sleeper) {
         let settlements = body.traffic_settlements();
         let (Some(first), Some(all)) = (settlements.first(), settlements.last()) else { continue };
-        let before = settlements.iter().rev().nth(1).copied().unwrap_or(0.0);
-        let cells = [*first, all - before, *all].map(|m| format!("{:.2}", 1e3 * m));
+        let cells = [*first, last_cycle(&settlements), *all].map(|m| format!("{:.2}", 1e3 * m));
         table.row(std::iter::once(tracked.name.clone()).chain(cells));
     }
     table

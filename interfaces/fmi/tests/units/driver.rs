@@ -1,7 +1,7 @@
 //! Bed of the tests, and an importer of both versions.
 
 use ballast::track;
-use ballast_fmu::bed::{BED_FILE, UnitBed, token};
+use ballast_fmu::bed::{BED_FILE, UnitBed, instantiation_token};
 use ballast_fmu::variable_table::VariableTable;
 use ballast_fmu::{fmi2, fmi3};
 use ballast_scenario::CaseOverrides;
@@ -29,7 +29,7 @@ fn unpacked_of(case: &str) -> Unpacked {
     let bytes = bed.to_bytes();
     let resources = tempfile::tempdir().unwrap();
     std::fs::write(resources.path().join(BED_FILE), &bytes).unwrap();
-    let token = CString::new(token(&bytes)).unwrap();
+    let token = CString::new(instantiation_token(&bytes)).unwrap();
     Unpacked { table: VariableTable::new(&bed), bed, resources, token }
 }
 

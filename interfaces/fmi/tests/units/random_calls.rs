@@ -27,13 +27,14 @@ impl Caller {
         Self { rng, instance: null_mut(), states: [null_mut(); 3], bytes: vec![], time: 0.0 }
     }
 
-    fn is(&mut self, percent: u32) -> bool {
+    /// Returns true in this percentage of the calls.
+    fn happens(&mut self, percent: u32) -> bool {
         self.rng.random_range(0..100) < percent
     }
 
     /// Returns the instance, seldom null.
     fn instance(&mut self) -> *mut c_void {
-        if self.is(3) { null_mut() } else { self.instance }
+        if self.happens(3) { null_mut() } else { self.instance }
     }
 
     fn number(&mut self) -> f64 {
@@ -62,14 +63,14 @@ impl Caller {
 
     /// Returns a pointer, seldom null.
     fn pointer<T>(&mut self, first: *mut T) -> *mut T {
-        if self.is(5) { null_mut() } else { first }
+        if self.happens(5) { null_mut() } else { first }
     }
 
     /// Returns time and length of a step, mostly as the instance expects them.
     fn step(&mut self) -> [f64; 2] {
         const ILLEGAL: [f64; 7] = [f64::NAN, f64::INFINITY, -1e300, 0.0, 5e-4, 1e300, -1e-3];
-        let length = if self.is(70) { 1e-3 } else { ILLEGAL[self.rng.random_range(0..7)] };
-        [if self.is(80) { self.time } else { self.number() }, length]
+        let length = if self.happens(70) { 1e-3 } else { ILLEGAL[self.rng.random_range(0..7)] };
+        [if self.happens(80) { self.time } else { self.number() }, length]
     }
 
     fn slot(&mut self) -> usize {
@@ -93,11 +94,18 @@ unsafe fn call2(x: &mut Caller) -> c_int {
     let mut size = 0;
     unsafe {
         match x.rng.random_range(0..40) {
-            0 => fmi2::fmi2SetupExperiment(c, 0, 0.0, if x.is(90) { 0.0 } else { other }, 0, 0.0),
+            0 => fmi2::fmi2SetupExperiment(
+                c,
+                0,
+                0.0,
+                if x.happens(90) { 0.0 } else { other },
+                0,
+                0.0,
+            ),
             1 => fmi2::fmi2EnterInitializationMode(c),
             2 => fmi2::fmi2ExitInitializationMode(c),
-            3 if x.is(5) => fmi2::fmi2Terminate(c),
-            4 if x.is(20) => fmi2::fmi2Reset(c),
+            3 if x.happens(5) => fmi2::fmi2Terminate(c),
+            4 if x.happens(20) => fmi2::fmi2Reset(c),
             5 => fmi2::fmi2GetReal(c, vr, n, real),
             6 => fmi2::fmi2GetInteger(c, vr, n, whole),
             7 => fmi2::fmi2GetBoolean(c, vr, n, whole),
@@ -116,7 +124,8 @@ unsafe fn call2(x: &mut Caller) -> c_int {
             16 => {
                 let status = fmi2::fmi2SerializedFMUstateSize(c, x.states[slot], &mut size);
                 x.bytes.resize(size, 0);
-                let (first, given) = (x.bytes.as_mut_ptr(), size - size.min(usize::from(x.is(20))));
+                let (first, given) =
+                    (x.bytes.as_mut_ptr(), size - size.min(usize::from(x.happens(20))));
                 status.max(fmi2::fmi2SerializeFMUstate(c, x.states[slot], first, given))
             }
             17 => {
@@ -160,7 +169,7 @@ unsafe fn call3(x: &mut Caller) -> c_int {
     let vr = x.references();
     let n = vr.len();
     let vr = x.pointer(vr.as_ptr().cast_mut()).cast_const();
-    let count = if x.is(60) { n } else { x.rng.random_range(0..ROOM) };
+    let count = if x.happens(60) { n } else { x.rng.random_range(0..ROOM) };
     let mut reals = [0.0; ROOM];
     reals.fill_with(|| x.number());
     let mut wholes = [0_i64; ROOM];
@@ -175,13 +184,13 @@ unsafe fn call3(x: &mut Caller) -> c_int {
                 c,
                 0,
                 0.0,
-                if x.is(90) { 0.0 } else { other },
+                if x.happens(90) { 0.0 } else { other },
                 0,
                 0.0,
             ),
             1 | 2 => fmi3::fmi3ExitInitializationMode(c),
-            3 if x.is(5) => fmi3::fmi3Terminate(c),
-            4 if x.is(20) => fmi3::fmi3Reset(c),
+            3 if x.happens(5) => fmi3::fmi3Terminate(c),
+            4 if x.happens(20) => fmi3::fmi3Reset(c),
             5 => fmi3::fmi3GetFloat64(c, vr, n, real, count),
             6 => fmi3::fmi3SetFloat64(c, vr, n, real, count),
             7 => fmi3::fmi3GetInt32(c, vr, n, whole.cast(), count),
@@ -200,7 +209,8 @@ unsafe fn call3(x: &mut Caller) -> c_int {
             16 => {
                 let status = fmi3::fmi3SerializedFMUStateSize(c, x.states[slot], &mut size);
                 x.bytes.resize(size, 0);
-                let (first, given) = (x.bytes.as_mut_ptr(), size - size.min(usize::from(x.is(20))));
+                let (first, given) =
+                    (x.bytes.as_mut_ptr(), size - size.min(usize::from(x.happens(20))));
                 status.max(fmi3::fmi3SerializeFMUState(c, x.states[slot], first, given))
             }
             17 => {
