@@ -133,7 +133,7 @@ impl UnitBed {
         Self::new(model, state, source.text("case/text")?, overrides)
     }
 
-    /// Reads the bed in the folder of a unit's resources; returns it with its [`token`].
+    /// Reads the bed in the folder of a unit's resources; returns it with its instantiation token.
     ///
     /// # Errors
     /// A file that cannot be read, or is no bed.

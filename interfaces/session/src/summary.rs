@@ -1,4 +1,4 @@
-//! RunSummary of a whole run, computed from the rows of its tables.
+//! Summary of a whole run, computed from the rows of its tables.
 //!
 //! The only inputs are rows and the last state. A resumed run reads the earlier rows back and therefore ends with the
 //! figures of a run without interruption.
@@ -8,8 +8,7 @@ use crate::record::{Column, StepRow, TrackedBody};
 use crate::statistics::{MovingMean, Statistics, norm};
 use ballast::model::Role;
 use ballast::state::State;
-use ballast::track::TampingPhase;
-use ballast::track::plan::LoadCycles;
+use ballast::track::{TampingPhase, plan::LoadCycles};
 use ballast_hdf5::results::ResultsTable;
 use serde_json::{Value, json};
 
@@ -43,7 +42,7 @@ pub struct Targets {
     pub direction: f64,
 }
 
-/// RunSummary of a run up to the last row taken.
+/// Summary of a run up to the last row taken.
 #[derive(Debug, Clone, Default)]
 pub struct RunSummary {
     settings: SummarySettings,
@@ -111,7 +110,7 @@ pub struct TimedValue {
     pub phase: TampingPhase,
 }
 
-/// RunSummary of a tine or sleeper: forces, work, lowest position.
+/// Summary of a tine or sleeper: forces, work, lowest position.
 #[derive(Debug, Clone)]
 pub struct BodySummary {
     /// Largest force of one step, N.

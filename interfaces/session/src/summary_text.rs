@@ -1,4 +1,4 @@
-//! RunSummary of a run as text.
+//! Summary of a run as text.
 
 use crate::profile::Profile;
 use crate::quantities::Quantity as Q;
