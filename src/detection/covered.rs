@@ -1,9 +1,10 @@
 //! Removal of contacts on surfaces that another body covers (T-39).
 //!
 //! Two blocks that stand flush form one surface. Each of them alone has sides and edges there that no third body can reach,
-//! and a body that slides over the joint would be stopped by them. Such a contact is removed: its foot lies on the
+//! and a body that slides over the joint would be stopped by them. Such a contact is hidden: its foot lies on the
 //! covering body, the covering body covers all of the touched feature near the foot, and it extends beyond the plane of
-//! the contact.
+//! the contact. A hidden contact is removed, unless its point on the grain lies inside the touched body: then it takes the
+//! nearest face that is not covered.
 //!
 //! Reads: model, configuration, contacts. Writes: [`Contacts`]. Cost: a scalar product per contact point and neighbour of
 //! its grain; more only where a foot lies on a neighbour.
@@ -35,6 +36,8 @@ pub(super) enum TouchedBody<'a> {
 #[derive(Debug, Clone, Copy)]
 struct TouchPoint {
     contact: u32,
+    /// 0 if the grain is the candidate, 1 if it is the antagonist.
+    side: usize,
     /// Number of the touched body, and its part.
     other: [u32; 2],
     /// Point of the contact on the touched body, world, m.
@@ -57,18 +60,26 @@ pub(super) struct CoveredContacts {
     removed: Vec<bool>,
 }
 
-/// Contacts of a chunk of grains to be removed.
+/// Hidden contacts of a chunk of grains.
 #[derive(Debug, Default)]
 struct Covered {
     points: Vec<TouchPoint>,
     /// Closest point of each touched body or part.
     neighbours: Vec<TouchPoint>,
-    /// Points to be removed.
-    hidden: Vec<TouchPoint>,
+    hidden: Vec<HiddenPoint>,
+}
+
+/// Contact point on a covered feature.
+#[derive(Debug, Clone, Copy)]
+struct HiddenPoint {
+    point: TouchPoint,
+    /// Point over the face that it is turned to; `None` outside the touched body.
+    uncovered: Option<TouchPoint>,
 }
 
 impl CoveredContacts {
-    /// Removes covered contacts from `contacts`; `body` gives each body or part in its configuration, by body and part.
+    /// Removes covered contacts from `contacts`, or turns them to an uncovered face; `body` gives each body or part in its
+    /// configuration, by body and part.
     pub fn remove<'a>(
         &mut self,
         grains: usize,
@@ -99,10 +110,11 @@ impl CoveredContacts {
                         None => neighbours.push(*point),
                     }
                 }
-                for point in points.iter() {
-                    if neighbours.iter().any(|neighbour| neighbour.covers(point, body)) {
-                        covered.hidden.push(*point);
-                    }
+                let is_hidden =
+                    |point: &TouchPoint| neighbours.iter().any(|n| n.covers(point, body));
+                for point in points.iter().filter(|point| is_hidden(point)) {
+                    let uncovered = point.over_nearest_face(grain as u32, body, &is_hidden);
+                    covered.hidden.push(HiddenPoint { point: *point, uncovered });
                 }
             }
         });
@@ -111,11 +123,16 @@ impl CoveredContacts {
         }
         self.removed.clear();
         self.removed.resize(contacts.len(), false);
-        for point in self.covered.iter().flat_map(|covered| &covered.hidden) {
+        let hidden = || self.covered.iter().flat_map(|covered| &covered.hidden);
+        for HiddenPoint { point, .. } in hidden() {
             self.removed[point.contact as usize] = true;
         }
-        for point in self.covered.iter().flat_map(|covered| &covered.hidden) {
+        for HiddenPoint { point, .. } in hidden() {
             self.turn_to_face(point, contacts, body);
+        }
+        for point in hidden().filter_map(|point| point.uncovered) {
+            point.write(contacts);
+            self.removed[point.contact as usize] = false;
         }
         contacts.retain(|i| !self.removed[i]);
     }
@@ -144,13 +161,12 @@ impl CoveredContacts {
             let Some((n, offset)) = near.min_by(|a, b| height(*a).total_cmp(&height(*b))) else {
                 continue;
             };
-            let far = foot + normal * point.gap;
-            let gap = n.dot(&far) - offset;
-            let middle = touched.pose.point(&(far - n * (0.5 * gap)));
-            let outward = touched.pose.orientation * n;
-            contacts.point[i] = middle;
-            contacts.normal[i] = if side == 0 { outward } else { -outward };
-            contacts.gap[i] = gap;
+            point
+                .over_plane(
+                    touched.pose.orientation * n,
+                    n.dot(&(foot + normal * point.gap)) - offset,
+                )
+                .write(contacts);
         }
     }
 
@@ -192,11 +208,57 @@ impl TouchPoint {
         let part = if side == 0 { part_of(contacts.feature[k]) } else { 0 };
         Self {
             contact: i,
+            side,
             other: [contacts.bodies[k][1 - side], part],
             foot: contacts.point[k] - normal * (0.5 * contacts.gap[k]),
             normal,
             gap: contacts.gap[k],
         }
+    }
+
+    /// Writes point, normal and gap to the contact.
+    fn write(&self, contacts: &mut Contacts) {
+        let i = self.contact as usize;
+        contacts.point[i] = self.foot + self.normal * (0.5 * self.gap);
+        contacts.normal[i] = if self.side == 0 { self.normal } else { -self.normal };
+        contacts.gap[i] = self.gap;
+    }
+
+    /// Returns the same point of the grain at a distance `gap` over a plane with this outward normal.
+    fn over_plane(&self, normal: Vec3, gap: f64) -> Self {
+        let on_grain = self.foot + self.normal * self.gap;
+        Self { foot: on_grain - normal * gap, normal, gap, ..*self }
+    }
+
+    /// Returns the point over the face of the touched body that the grain penetrates least, of those that are not hidden;
+    /// `None` if the point of the grain lies outside the touched body, or all faces are hidden.
+    fn over_nearest_face<'a>(
+        &self,
+        grain: u32,
+        body: &impl Fn([u32; 2]) -> TouchedBody<'a>,
+        is_hidden: &impl Fn(&Self) -> bool,
+    ) -> Option<Self> {
+        if self.gap >= 0.0 {
+            return None;
+        }
+        let TouchedBody::Convex(touched) = body(self.other) else { return None };
+        let TouchedBody::Convex(grain) = body([grain, 0]) else { return None };
+        let tolerance = TOLERANCE * touched.shape.radius;
+        let on_grain = touched.pose.inverse_point(&(self.foot + self.normal * self.gap));
+        let mut points = vec![];
+        for (n, offset) in touched.shape.face_normals.iter().zip(&touched.shape.face_offsets) {
+            let gap = n.dot(&on_grain) - offset;
+            if gap > tolerance {
+                return None;
+            }
+            let outward = touched.pose.orientation * n;
+            let height =
+                |v: &Vec3| n.dot(&touched.pose.inverse_point(&grain.pose.point(v))) - offset;
+            let lowest = grain.shape.vertices.iter().map(height).fold(f64::INFINITY, f64::min);
+            points.push((-lowest, self.over_plane(outward, gap)));
+        }
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points.into_iter().map(|(_, point)| point).find(|point| !is_hidden(point))
     }
 
     /// Returns true if the body touched here covers that of `point` at its foot.

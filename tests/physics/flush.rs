@@ -1,6 +1,6 @@
 //! Bodies that stand flush are one surface: what slides over them goes where one body would take it (T-39).
 
-use crate::common::scene::Scene;
+use crate::common::scene::{Scene, slope};
 use ballast::geometry::{GrainShape, Polyhedron, convex_hull, random_grain};
 use ballast::math::{Pose, Vec3};
 use ballast::model::Part;
@@ -103,6 +103,54 @@ fn flush_plates_are_one_floor() {
             if name == "box" && friction == 0.0 {
                 assert!((one.x + 0.17 - speed * seconds).abs() < 1e-9, "{one:?}");
             }
+        }
+    }
+}
+
+/// Prism with a sharp edge along y at its lowest point, below its vertical face; `rise` is the height of the other face.
+fn wedge(rise: f64) -> (Polyhedron, Pose) {
+    let section = [[0.0, 0.0], [0.0, 0.06], [0.03, 0.06], [0.03, rise]];
+    let corners: Vec<Vec3> =
+        section.iter().flat_map(|[x, z]| [-0.02, 0.02].map(|y| Vec3::new(*x, y, *z))).collect();
+    convex_hull(&corners).expect("a wedge")
+}
+
+/// A wedge falls with its sharp edge on the rim of a block that is flush with a wall: the normal of least penetration is
+/// that of its lower face, and there it touches the covered rim.
+#[test]
+fn wedge_beside_a_covered_rim_stays_on_the_block() {
+    for wall in ["half-space", "box"] {
+        for (rise, step_ns) in [(0.02, 200_000), (0.05, 200_000), (0.05, 1_000_000)] {
+            let mut scene = Scene::new(step_ns, 0.3);
+            scene.model.stepping.detection_distance = 2e-3;
+            let (shape, pose) = wedge(rise);
+            let index = scene.shape(shape.clone());
+            let start = pose.position + Vec3::new(1e-5, 0.0, 1e-3);
+            scene.grain(index, Pose { position: start, ..pose });
+            scene.state.velocity[0].z = -0.5;
+            let (block, _) = cuboid(Vec3::new(0.2, 0.2, 0.2));
+            let block = scene.shape(block);
+            let part = Part::Convex { shape: block, pose: Pose::identity() };
+            let below = Pose { position: Vec3::new(0.1, 0.0, -0.1), ..Pose::identity() };
+            scene.driven("block", part, below, 0.3);
+            if wall == "box" {
+                let (high, _) = cuboid(Vec3::new(0.2, 0.2, 0.6));
+                let part = Part::Convex { shape: scene.shape(high), pose: Pose::identity() };
+                let beside = Pose { position: Vec3::new(-0.1, 0.0, 0.0), ..Pose::identity() };
+                scene.driven("wall", part, beside, 0.3);
+            } else {
+                scene.plane("wall", slope(std::f64::consts::FRAC_PI_2), 0.3);
+            }
+            let mut lowest = f64::INFINITY;
+            for _ in 0..(100_000_000 / step_ns) {
+                scene.step();
+                let pose = Pose {
+                    position: scene.state.position[0],
+                    orientation: scene.state.orientation[0],
+                };
+                lowest = shape.vertices.iter().map(|v| pose.point(v).z).fold(lowest, f64::min);
+            }
+            assert!(lowest > -2e-4, "{wall}, {rise} m, {step_ns} ns: {lowest} m");
         }
     }
 }
