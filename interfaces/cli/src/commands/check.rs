@@ -5,7 +5,7 @@ use crate::case::{self, CaseOverrides};
 use crate::console::Console;
 use crate::table::figure;
 use ballast::track::TampingPhase;
-use ballast::track::plan::{Plan, SieveFraction, TampingPlan};
+use ballast::track::plan::{LoadCycles, Plan, SieveFraction, TampingPlan};
 use ballast_session::{Reporter, Result};
 use serde_json::json;
 
@@ -38,6 +38,7 @@ fn text(plan: &Plan) -> String {
         ("sleepers", plan.sleepers.len().to_string()),
         ("tines", plan.tines.len().to_string()),
     ];
+    lines.extend(plan.bed.traffic.map(|traffic| ("bed traffic", loads(&traffic.load))));
     lines.extend(plan.tamping.iter().flat_map(cycle));
     lines.extend([
         ("simulated time", seconds(run.duration_ns)),
@@ -51,26 +52,38 @@ fn text(plan: &Plan) -> String {
     lines.collect::<Vec<_>>().join("\n")
 }
 
+/// Returns number, range and frequency of load cycles.
+fn loads(load: &LoadCycles) -> String {
+    let [low, high] = [load.min_load, load.max_load].map(|n| plain(1e-3 * n));
+    format!("{} cycles of {low} to {high} kN per sleeper at {} Hz", load.cycles, load.frequency)
+}
+
+fn mm(metres: f64) -> String {
+    format!("{} mm", plain(1e3 * metres))
+}
+
 /// Returns the phases of the tamping cycle with their times.
 fn cycle(plan: &TampingPlan) -> Vec<(&'static str, String)> {
-    let mm = |metres: f64| format!("{} mm", plain(1e3 * metres));
     let limit = |force: f64| match force.is_finite() {
         true => format!(", halts above {} kN", plain(1e-3 * force)),
         false => String::new(),
     };
-    let TampingPlan { lift, insertion, squeeze, vibration, .. } = plan;
+    let TampingPlan { lift, insertion, squeeze, vibration, release, traffic, .. } = plan;
     let details = [
         format!(", {}", mm(lift.height)),
         format!(", {} below the sleeper{}", mm(insertion.depth), limit(insertion.force_limit)),
         format!(", up to {} per side{}", mm(squeeze.stroke), limit(squeeze.force_limit)),
         String::new(),
         String::new(),
+        release.map_or(String::new(), |r| format!(", down to {}", mm(r.height))),
+        traffic.map_or(String::new(), |load| format!(", {}", loads(&load))),
     ];
     let ends = plan.ends();
     let starts = [plan.start].into_iter().chain(ends);
     // The first phase precedes the cycle.
     let phases = TampingPhase::ALL[1..].iter().map(|phase| phase.name());
     let mut lines: Vec<_> = (phases.zip(starts.zip(ends)).zip(details))
+        .filter(|((_, (from, to)), _)| to > from)
         .map(|((name, (from, to)), detail)| {
             (name, format!("{} to {} s{detail}", plain(from), plain(to)))
         })
