@@ -1,4 +1,4 @@
-"""Pictures of a simulation with pyvista, on or off screen.
+"""Pictures of a simulation with pyvista, on or off screen, and a live view with Rerun.
 
     import ballast.view
     ballast.view.save_picture(sim, "bed.png")
@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 
 import ballast
+from ballast._live import LiveView, live
+
+__all__ = ["LiveView", "bed", "driven_bodies", "force_chains", "live", "rotation", "save_picture", "scene"]
 
 
 def bed(sim: ballast.Simulation) -> Any:
