@@ -187,10 +187,17 @@ def blocks() -> list[Any]:
 def test_code_blocks_of_the_documents(place: Path, code: str) -> None:
     if "zenoh:" in code:
         pytest.skip("needs another process; test_remote does the like")
-    if "study" in code:
-        pytest.importorskip("pandas")
+    for word, needed in (("study", "pandas"), ("view.live", "rerun"), ("tables", "xarray"), ("frames", "pyvista")):
+        if word in code:
+            pytest.importorskip(needed)
     (place / "examples").mkdir()
     (place / "tiny.toml").rename(place / "examples/first.toml")
+    if "runs/look" in code:
+        program = ROOT / "target/release/ballast"
+        if not program.exists():
+            pytest.skip(f"{program} is not built")
+        called = [program, "run", "examples/first.toml", "--steps", "30", "--out", "runs/look"]
+        subprocess.run(called, check=True, capture_output=True, cwd=place)
     # As it is shown: processes that a study begins import this file. Imports are said once in a page.
     (place / "shown.py").write_text(f"import ballast\n{code}")
     done = subprocess.run([sys.executable, "shown.py"], capture_output=True, text=True, cwd=place)

@@ -224,7 +224,7 @@ def test_frames_per_second_are_limited_for_viewers(sim: ballast.Simulation, monk
 
 
 @needs_rerun
-def test_incomplete_files_are_told(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
+def test_incomplete_files_are_reported(case: ballast.Case, beds: Path, tmp_path: Path) -> None:
     path, limits = tmp_path / "bed.rrd", resource.getrlimit(resource.RLIMIT_FSIZE)
     handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     try:

@@ -56,7 +56,7 @@ class LiveView:
     per step, residual (QM/16) and largest penetration (m). Of a remote simulation it shows tools and sleepers as axes.
 
     A thread sends the frames. The simulation never waits for a viewer: frames that the viewer does not take are dropped,
-    and their number is told at the end. A file gets every frame.
+    and a warning at the end has their number. A file gets every frame.
 
     Attributes:
         frames: number of frames that were given to the viewer or file.

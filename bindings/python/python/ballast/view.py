@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 import ballast
 from ballast._live import LiveView, live
 
-__all__ = ["LiveView", "bed", "driven_bodies", "force_chains", "live", "rotation", "save_picture", "scene"]
+__all__ = ["LiveView", "bed", "driven_bodies", "force_chains", "frames", "live", "rotation", "save_picture", "scene"]
 
 
 def bed(sim: ballast.Simulation) -> Any:
@@ -133,6 +134,35 @@ def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = F
 def _bar(title: str, form: str) -> dict[str, Any]:
     # The empty line separates the title from the numbers; the position keeps them inside the picture.
     return {"title": f"{title}\n", "fmt": form, "position_x": 0.2, "width": 0.6}
+
+
+def frames(run: str | os.PathLike[str]) -> Iterator[tuple[float, Any]]:
+    """Yields the time (s) and the blocks (`pyvista.MultiBlock`) of each frame of a results file.
+
+    The blocks are "grains", "sleepers", "tines", "boundary" and "contacts"; docs/src/guide/results.md lists their arrays.
+
+        for time, blocks in ballast.view.frames("runs/first"):
+            print(time, blocks["grains"]["speed"].max())
+
+    Args:
+        run: path of the results, or of the folder of a run.
+
+    Raises:
+        FileError: the file cannot be read.
+    """
+    import pyvista as pv
+    from vtkmodules.vtkIOHDF import vtkHDFReader
+
+    path = ballast._run_file(run, "results.vtkhdf")
+    times = ballast.Results(path).times
+    # Readers of pyvista do not select times of this format.
+    reader = vtkHDFReader()
+    reader.SetFileName(os.fspath(path))
+    reader.UpdateInformation()
+    for frame, time in enumerate(times):
+        reader.SetStep(frame)
+        reader.Update()
+        yield float(time), pv.wrap(reader.GetOutputDataObject(0)).copy()
 
 
 def save_picture(
