@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import ballast
 import numpy as np
 import pytest
 from conftest import ROOT, lowered
+from test_tools import arrays_of_page
 
 pytest.importorskip("pandas")
 pytest.importorskip("xarray")
@@ -181,3 +183,55 @@ def local(points: Any, positions: Any, orientations: Any, owner: Any) -> Any:
 
     turns = np.array([view.rotation(q) for q in orientations])
     return np.einsum("nji,nj->ni", turns[owner], points - positions[owner])
+
+
+#: Draws a frame of results twice, as a picture and as a page.
+DRAWING = """
+import sys, ballast.view as view
+view.save_picture(sys.argv[1], "forces.png", forces=True, frame=9)
+view.save_page(sys.argv[1], "speeds.html", frame=9)
+"""
+
+
+def test_pictures_and_pages_of_results(run: Path, tmp_path: Path) -> None:
+    pytest.importorskip("pyvista")
+    pytest.importorskip("trame_pyvista")
+    from ballast import view
+
+    called = [sys.executable, "-c", DRAWING, run]
+    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
+    if done.returncode < 0:
+        pytest.skip(f"nothing can be drawn here: {done.stderr.strip()[-200:]}")
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "forces.png").stat().st_size > 5000
+    arrays = arrays_of_page(tmp_path / "speeds.html", run.name)
+    frame = list(view.frames(run))[9][1]
+    for name, expected in (("Points", frame["grains"].points), ("speed, m/s", frame["grains"]["speed"])):
+        assert any(n == name and np.array_equal(a, expected.ravel()) for n, a in arrays)
+    for beyond in (19, -20):
+        with pytest.raises(IndexError, match=f"frame: expected -19 to 18, found {beyond}"):
+            view.scene(run, frame=beyond)
+
+
+def test_force_chains_of_results_are_those_of_the_state(run: Path) -> None:
+    """The last frame is the state of the checkpoint."""
+    pytest.importorskip("pyvista")
+    from ballast import view
+
+    with ballast.resume(run, threads=1) as sim:
+        expected = view.force_chains(sim)
+    _, _, found = view._of_results(run, True, -1)
+    assert found.n_cells == expected.n_cells > 0
+    # Contact points of results are those of the configuration in which the contacts were found.
+    np.testing.assert_allclose(found.points, expected.points, atol=1e-3)
+    np.testing.assert_allclose(found["force, N"], expected["force, N"], rtol=1e-6)
+
+
+def test_a_missing_part_of_the_extra_is_named(
+    sim: ballast.Simulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from ballast import view
+
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    with pytest.raises(ModuleNotFoundError, match=r"package trame-pyvista, found none; install it: pip install 'ballast\[view\]'"):
+        view.save_page(sim, tmp_path / "bed.html")

@@ -1,13 +1,20 @@
-"""Pictures of a simulation with pyvista, on or off screen, and a live view with Rerun.
+"""Pictures of simulations and results with pyvista, on or off screen, and a live view with Rerun.
 
     import ballast.view
     ballast.view.save_picture(sim, "bed.png")
+    ballast.view.save_page("runs/first", "bed.html")        # the last frame, to be turned in a browser
+
+Functions with a `source` accept a simulation of this process, the path of a results file, or the folder of a run.
 """
 
 from __future__ import annotations
 
+import html
+import importlib.util
 import os
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +22,20 @@ import numpy as np
 import ballast
 from ballast._live import LiveView, live
 
-__all__ = ["LiveView", "bed", "driven_bodies", "force_chains", "frames", "live", "rotation", "save_picture", "scene"]
+__all__ = [
+    "LiveView",
+    "bed",
+    "driven_bodies",
+    "force_chains",
+    "frames",
+    "live",
+    "rotation",
+    "save_page",
+    "save_picture",
+    "scene",
+]
+
+Source = ballast.Simulation | str | os.PathLike[str]
 
 
 def bed(sim: ballast.Simulation) -> Any:
@@ -69,20 +89,23 @@ def force_chains(sim: ballast.Simulation, *, threshold: float = 1.0) -> Any:
         sim: a simulation of this process.
         threshold: smallest force of a line, as a multiple of the mean over active contacts.
     """
-    import pyvista as pv
-
     state = sim.save()
     force = np.linalg.norm(state.contact_impulses, axis=1) / (sim.step_ns * 1e-9)
+    return _network(force, state.contact_points, state.contact_bodies, state.positions, threshold)
+
+
+def _network(force: Any, points: Any, pairs: Any, centres: Any, threshold: float) -> Any:
+    """Returns contacts of bodies, of which the first have centres, as lines."""
+    import pyvista as pv
+
     active = force[force > 0.0]
     strong = force > threshold * (active.mean() if len(active) else 0.0)
     if not strong.any():
         return pv.PolyData()
-    ends = state.contact_points[strong]
-    starts = state.positions[state.contact_bodies[strong, 0]]
-    pairs = state.contact_bodies[strong, 1]
-    between_grains = pairs < sim.grain_count
-    ends = ends.copy()
-    ends[between_grains] = state.positions[pairs[between_grains]]
+    first, second = pairs[strong].T
+    starts, ends = centres[first], points[strong].copy()
+    between_grains = second < len(centres)
+    ends[between_grains] = centres[second[between_grains]]
     n = len(starts)
     lines = np.column_stack([np.full(n, 2), np.arange(n), np.arange(n) + n])
     network = pv.PolyData(np.vstack([starts, ends]), lines=lines.ravel())
@@ -90,22 +113,26 @@ def force_chains(sim: ballast.Simulation, *, threshold: float = 1.0) -> Any:
     return network
 
 
-def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = False) -> Any:
+def scene(source: Source, *, forces: bool = False, off_screen: bool = False, frame: int = -1) -> Any:
     """Returns a `pyvista.Plotter` with grains coloured by speed, and translucent driven bodies.
 
     Args:
-        sim: a simulation of this process.
+        source: a simulation of this process, the path of a results file, or the folder of a run.
         forces: show force chains in translucent grains instead of speeds.
         off_screen: render without a screen.
+        frame: number of the frame of results; negative ones count from the end.
     """
     import pyvista as pv
 
+    if isinstance(source, ballast.Simulation):
+        surface, driven = bed(source), [driven_bodies(source)]
+        network = force_chains(source) if forces else None
+    else:
+        surface, driven, network = _of_results(source, forces, frame)
     plotter: Any = pv.Plotter(off_screen=off_screen)
-    surface = bed(sim)
-    if forces:
+    if network is not None:
         # Nearly transparent: about twenty grains overlap in a line of sight.
         plotter.add_mesh(surface, color="grey", opacity=0.03)
-        network = force_chains(sim)
         if network.n_cells:
             plotter.add_mesh(
                 network,
@@ -124,11 +151,25 @@ def scene(sim: ballast.Simulation, *, forces: bool = False, off_screen: bool = F
             clim=[0.0, max(float(surface[name].max()), 1e-6)],
             scalar_bar_args=_bar(name, "%.3g"),
         )
-    driven = driven_bodies(sim)
-    if driven.n_cells:
-        plotter.add_mesh(driven, color="steelblue", opacity=0.15 if forces else 0.5)
+    for mesh in driven:
+        if mesh.n_cells:
+            plotter.add_mesh(mesh, color="steelblue", opacity=0.15 if forces else 0.5)
     plotter.view_vector((0.4, -1.0, 0.35), viewup=(0.0, 0.0, 1.0))
     return plotter
+
+
+def _of_results(run: str | os.PathLike[str], forces: bool, frame: int) -> tuple[Any, list[Any], Any]:
+    frames = _Frames(run)
+    results, blocks = frames.results, frames.blocks(frame)
+    surface, contacts = blocks["grains"], blocks["contacts"]
+    surface.cell_data["speed, m/s"] = surface.cell_data["speed"]
+    network = None
+    if forces:
+        force = np.linalg.norm(contacts["force"].reshape(-1, 3), axis=1)
+        pairs = np.column_stack([contacts["candidate"], contacts["antagonist"]]).astype(int)
+        centres = results.poses(frame)[0][: results.grain_count]
+        network = _network(force, contacts.points.astype(float), pairs, centres, 1.0)
+    return surface, [blocks["sleepers"], blocks["tines"]], network
 
 
 def _bar(title: str, form: str) -> dict[str, Any]:
@@ -150,30 +191,63 @@ def frames(run: str | os.PathLike[str]) -> Iterator[tuple[float, Any]]:
     Raises:
         FileError: the file cannot be read.
     """
-    import pyvista as pv
-    from vtkmodules.vtkIOHDF import vtkHDFReader
+    source = _Frames(run)
+    for frame, time in enumerate(source.results.times):
+        yield float(time), source.blocks(frame)
 
-    path = ballast._run_file(run, "results.vtkhdf")
-    times = ballast.Results(path).times
-    # Readers of pyvista do not select times of this format.
-    reader = vtkHDFReader()
-    reader.SetFileName(os.fspath(path))
-    reader.UpdateInformation()
-    for frame, time in enumerate(times):
-        reader.SetStep(frame)
-        reader.Update()
-        yield float(time), pv.wrap(reader.GetOutputDataObject(0)).copy()
+
+class _Frames:
+    """Frames of a results file, of which readers of pyvista would read the first only."""
+
+    def __init__(self, run: str | os.PathLike[str]) -> None:
+        from vtkmodules.vtkIOHDF import vtkHDFReader
+
+        path = ballast._run_file(run, "results.vtkhdf")
+        self.results = ballast.Results(path)
+        self._reader = vtkHDFReader()
+        self._reader.SetFileName(os.fspath(path))
+        self._reader.UpdateInformation()
+
+    def blocks(self, frame: int) -> Any:
+        import pyvista as pv
+
+        count = len(self.results.times)
+        if not -count <= frame < count:
+            raise IndexError(f"frame: expected {-count} to {count - 1}, found {frame}")
+        self._reader.SetStep(frame % count)
+        self._reader.Update()
+        return pv.wrap(self._reader.GetOutputDataObject(0)).copy()
 
 
 def save_picture(
-    sim: ballast.Simulation, path: str | os.PathLike[str], *, forces: bool = False
+    source: Source, path: str | os.PathLike[str], *, forces: bool = False, frame: int = -1
 ) -> None:
     """Writes a picture of `scene` to an image file; needs no screen."""
-    plotter = scene(sim, forces=forces, off_screen=True)
+    plotter = scene(source, forces=forces, off_screen=True, frame=frame)
     try:
         plotter.screenshot(os.fspath(path))
     finally:
         plotter.close()
+
+
+def save_page(
+    source: Source, path: str | os.PathLike[str], *, forces: bool = False, frame: int = -1
+) -> None:
+    """Writes `scene` to an HTML page that shows it in 3D, without other files and without a network.
+
+    Raises:
+        ModuleNotFoundError: the extra `view` is not installed.
+    """
+    if importlib.util.find_spec("trame_pyvista") is None:
+        text = "expected the package trame-pyvista, found none; install it: pip install 'ballast[view]'"
+        raise ModuleNotFoundError(f"ballast.view.save_page: {text}", name="trame_pyvista")
+    plotter = scene(source, forces=forces, off_screen=True, frame=frame)
+    try:
+        page = plotter.trame.export_html(None).getvalue()
+    finally:
+        plotter.close()
+    title = html.escape(source.case.name if isinstance(source, ballast.Simulation) else Path(source).name)
+    Path(path).write_text(re.sub("<title>.*?</title>", lambda _: f"<title>{title}</title>", page, count=1))
 
 
 def rotation(q: Any) -> Any:
