@@ -187,7 +187,7 @@ def blocks() -> list[Any]:
 def test_code_blocks_of_the_documents(place: Path, code: str) -> None:
     if "zenoh:" in code:
         pytest.skip("needs another process; test_remote does the like")
-    for word, needed in (("study", "pandas"), ("view.live", "rerun"), ("tables", "xarray"), ("frames", "pyvista"), ("save_page", "trame_pyvista")):
+    for word, needed in (("study", "pandas"), ("view.live", "rerun"), ("tables", "xarray"), ("frames", "pyvista"), ("save_page", "trame_vtk")):
         if word in code:
             pytest.importorskip(needed)
     (place / "examples").mkdir()

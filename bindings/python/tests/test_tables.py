@@ -195,7 +195,7 @@ view.save_page(sys.argv[1], "speeds.html", frame=9)
 
 def test_pictures_and_pages_of_results(run: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyvista")
-    pytest.importorskip("trame_pyvista")
+    pytest.importorskip("trame_vtk")
     from ballast import view
 
     called = [sys.executable, "-c", DRAWING, run]
@@ -233,5 +233,5 @@ def test_a_missing_part_of_the_extra_is_named(
     from ballast import view
 
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    with pytest.raises(ModuleNotFoundError, match=r"package trame-pyvista, found none; install it: pip install 'ballast\[view\]'"):
+    with pytest.raises(ModuleNotFoundError, match=r"package trame-vtk, found none; install it: pip install 'ballast\[view\]'"):
         view.save_page(sim, tmp_path / "bed.html")

@@ -1246,7 +1246,7 @@ def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
         "sim = ballast.resume(sys.argv[1], threads=1)\n"
         "view.save_picture(sim, sys.argv[2])\n"
         "view.save_picture(sim, sys.argv[3], forces=True)\n"
-        "if importlib.util.find_spec('trame_pyvista'): view.save_page(sim, 'bed.html', forces=True)"
+        "if importlib.util.find_spec('trame_vtk'): view.save_page(sim, 'bed.html', forces=True)"
     )
     state, speeds, forces = (tmp_path / name for name in ("state.h5", "speeds.png", "forces.png"))
     sim.save().write(state)
@@ -1262,7 +1262,7 @@ def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert speeds.stat().st_size > 5000 and forces.stat().st_size > 5000
     assert speeds.read_bytes() != forces.read_bytes()
-    pytest.importorskip("trame_pyvista")
+    pytest.importorskip("trame_vtk")
     arrays, chains = arrays_of_page(tmp_path / "bed.html", "tiny"), view.force_chains(sim)
     for name, expected in (("Points", surface.points), ("Points", chains.points), ("force, N", chains["force, N"])):
         assert any(n == name and np.array_equal(a, expected.ravel()) for n, a in arrays)

@@ -11,8 +11,11 @@ from __future__ import annotations
 
 import html
 import importlib.util
+import io
+import json
 import os
 import re
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -238,16 +241,48 @@ def save_page(
     Raises:
         ModuleNotFoundError: the extra `view` is not installed.
     """
-    if importlib.util.find_spec("trame_pyvista") is None:
-        text = "expected the package trame-pyvista, found none; install it: pip install 'ballast[view]'"
-        raise ModuleNotFoundError(f"ballast.view.save_page: {text}", name="trame_pyvista")
+    if importlib.util.find_spec("trame_vtk") is None:
+        text = "expected the package trame-vtk, found none; install it: pip install 'ballast[view]'"
+        raise ModuleNotFoundError(f"ballast.view.save_page: {text}", name="trame_vtk")
+    from trame_vtk.tools.vtksz2html import write_html
+
     plotter = scene(source, forces=forces, off_screen=True, frame=frame)
     try:
-        page = plotter.trame.export_html(None).getvalue()
+        packed = _for_browser(plotter.render_window)
     finally:
         plotter.close()
+    page = io.StringIO()
+    write_html(packed, page)
     title = html.escape(source.case.name if isinstance(source, ballast.Simulation) else Path(source).name)
-    Path(path).write_text(re.sub("<title>.*?</title>", lambda _: f"<title>{title}</title>", page, count=1))
+    text = re.sub("<title>.*?</title>", lambda _: f"<title>{title}</title>", page.getvalue(), count=1)
+    Path(path).write_text(text)
+
+
+def _for_browser(window: Any) -> bytes:
+    """Returns a scene in the format of vtk.js, zipped.
+
+    The export of pyvista starts a server for this, and in a notebook downloads a renderer that the page does not use.
+    """
+    from trame_vtk.modules.vtk import serializers
+
+    serializers.initialize_serializers()
+    context = serializers.SynchronizationContext()
+    context.set_ignore_last_dependencies(True)
+    shown = serializers.serialize(None, window, serializers.reference_id(window), context, 1)
+    camera = window.GetRenderers().GetFirstRenderer().GetActiveCamera()
+    shown["extra"] = {
+        "vtkRefId": serializers.reference_id(window),
+        "centerOfRotation": camera.GetFocalPoint(),
+        "camera": serializers.reference_id(camera),
+    }
+    arrays = {
+        entry["hash"]: entry | {"content": context.get_cached_data_array(entry["hash"])}
+        for entry in serializers.extract_array_hash(shown)
+    }
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("index.json", json.dumps({"hashes": arrays, "scene": shown}))
+    return packed.getvalue()
 
 
 def rotation(q: Any) -> Any:
