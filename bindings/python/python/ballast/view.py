@@ -10,6 +10,7 @@ Functions with a `source` accept a simulation of this process, the path of a res
 from __future__ import annotations
 
 import html
+import importlib
 import importlib.util
 import io
 import json
@@ -244,15 +245,13 @@ def save_page(
     if importlib.util.find_spec("trame_vtk") is None:
         text = "expected the package trame-vtk, found none; install it: pip install 'ballast[view]'"
         raise ModuleNotFoundError(f"ballast.view.save_page: {text}", name="trame_vtk")
-    from trame_vtk.tools.vtksz2html import write_html
-
     plotter = scene(source, forces=forces, off_screen=True, frame=frame)
     try:
         packed = _for_browser(plotter.render_window)
     finally:
         plotter.close()
     page = io.StringIO()
-    write_html(packed, page)
+    importlib.import_module("trame_vtk.tools.vtksz2html").write_html(packed, page)
     title = html.escape(source.case.name if isinstance(source, ballast.Simulation) else Path(source).name)
     text = re.sub("<title>.*?</title>", lambda _: f"<title>{title}</title>", page.getvalue(), count=1)
     Path(path).write_text(text)
@@ -263,8 +262,7 @@ def _for_browser(window: Any) -> bytes:
 
     The export of pyvista starts a server for this, and in a notebook downloads a renderer that the page does not use.
     """
-    from trame_vtk.modules.vtk import serializers
-
+    serializers = importlib.import_module("trame_vtk.modules.vtk.serializers")
     serializers.initialize_serializers()
     context = serializers.SynchronizationContext()
     context.set_ignore_last_dependencies(True)
