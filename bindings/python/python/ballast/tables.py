@@ -128,7 +128,7 @@ def _dataset(
 
     data = {name: (dims, values, {"units": unit}) for name, (dims, values, unit) in variables.items()}
     dataset = xr.Dataset(data, dict(coordinates), {"case": case})
-    dataset["time"].attrs = {"units": "s", "long_name": "time since the start of the run"}
+    dataset["time"].attrs = {"units": "s", "long_name": "time"}
     return dataset
 
 
