@@ -1,6 +1,6 @@
 """Measures what a live view costs.
 
-    python bindings/python/benchmark_live.py [CASE [ROUNDS]]
+    python bindings/python/benchmark_live.py [CASE [ROUNDS [THREADS]]]
 
 The same steps are computed in turn without a view, with a view that writes a file, and with one whose viewer is another
 process, with a frame after every tenth step. Zones are measured apart. Every round starts from the same state.
@@ -18,7 +18,8 @@ import ballast
 import ballast.view
 
 CASE = sys.argv[1] if len(sys.argv) > 1 else "examples/laptop.toml"
-ROUNDS = int(sys.argv[2]) if len(sys.argv) > 2 else 8
+ROUNDS = int(sys.argv[2]) if len(sys.argv) > 2 else 9
+THREADS = int(sys.argv[3]) if len(sys.argv) > 3 else None
 STEPS, STEPS_OF_FRAME = 40, 10
 SERVER = "import rerun, sys; r = rerun.RecordingStream('viewer'); print(r.serve_grpc(grpc_port=19876)); sys.stdin.read()"
 
@@ -40,7 +41,7 @@ def steps(sim, start, shown):
 
 def main():
     server = subprocess.Popen([sys.executable, "-uc", SERVER], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
-    with tempfile.TemporaryDirectory() as folder, ballast.open(CASE) as sim:
+    with tempfile.TemporaryDirectory() as folder, ballast.open(CASE, threads=THREADS) as sim:
         sim.advance_to(10 * sim.step_ns)
         path, period_s = Path(folder) / "bed.rrd", STEPS_OF_FRAME * sim.step_ns * 1e-9
         views = {
@@ -50,9 +51,10 @@ def main():
         }
         start, rows = sim.save(), {name: [] for name in views}
         print(f"{sim.grain_count} grains, {sim.threads} threads, a frame every {STEPS_OF_FRAME} steps")
-        for _ in range(ROUNDS):
-            for name, shown in views.items():
-                rows[name].append(steps(sim, start, shown))
+        names = list(views)
+        for turn in range(ROUNDS):
+            for name in names[turn % 3 :] + names[: turn % 3]:
+                rows[name].append(steps(sim, start, views[name]))
         for name, values in rows.items():
             wall, cpu, update = 1e3 * np.median(values, axis=0)
             print(f"{name:8} step {wall:7.2f} ms wall {cpu:7.2f} ms processor; update {update:6.3f} ms per frame")

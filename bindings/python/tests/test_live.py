@@ -86,10 +86,18 @@ def test_recorded_values_are_those_of_the_simulation(sim: ballast.Simulation, tm
         assert [time for time, _ in arrows] == times and arrows[0][1].size == 0
         for time, vector in arrows[1:]:
             np.testing.assert_allclose(vector[0], 2e-5 * by_time[time][name].moving_average_force, rtol=1e-6)
+        # Arrows begin at the middle of the upper face, as the body has turned.
+        corners = np.vstack([points for points, _ in sim.parts(name)])
+        upper = corners[np.isclose(corners[:, 2], corners[:, 2].max())].mean(axis=0)
+        for (_, origin), state in zip(found[f"/bed/forces/{name}", "origins"][1:], states[1:], strict=True):
+            position, q, _, _ = state.body(name)
+            np.testing.assert_allclose(origin[0], position + view.rotation(q) @ upper, rtol=1e-6)
         forces = found[f"/force/{name}", "scalars"]
         assert [time for time, _ in forces] == list(by_time)
         assert [value[0] for _, value in forces] == [np.linalg.norm(r[name].moving_average_force) for r in results]
     assert any(value[0] > 0.0 for _, value in found["/force/tine_1_plus", "scalars"])
+    lines = [found[f"/force/{name}", "colors"][0][1][0] for name in tracked]
+    assert len(set(lines)) == len(tracked)
     scalars = {
         "/kinetic_energy/stones": [r.energy.kinetic for r in results],
         "/residual/qm16": [r.solver.residual_qm16 for r in results],

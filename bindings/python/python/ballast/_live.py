@@ -26,12 +26,16 @@ TIMELINE = "simulated_time"
 #: Length of a force arrow, m per N: 10 kN are 0.2 m, as in the scenes of recordings.
 METRES_PER_NEWTON = 2e-5
 MAX_ARROW_LENGTH = 1.0
+#: Radius of an arrow; negative radii are in pixels of the viewer.
+ARROW_RADIUS = -3.0
 #: Number of windows whose values wait for a viewer that does not read.
 MAX_WAITING_WINDOWS = 10_000
 #: Time that a viewer gets for the last frames, s.
 CLOSE_TIMEOUT_S = 3.0
 INSTALL = "expected the package rerun-sdk, found none; install it: pip install 'ballast[rerun]'"
 STONE, SLEEPER, TINE, FORCE = (158, 148, 133), (191, 191, 184), (217, 89, 38), (26, 115, 230)
+#: Colours of the lines in a plot, in turn (those of Okabe and Ito without black).
+LINES = [(230, 159, 0), (86, 180, 233), (0, 158, 115), (240, 228, 66), (0, 114, 178), (213, 94, 0), (204, 121, 167)]
 
 
 @dataclass(frozen=True)
@@ -51,9 +55,10 @@ class _Frame:
 class LiveView:
     """Live view of a simulation, created by `live`.
 
-    It shows each stone, tool and sleeper, the force of the ballast on tools and sleepers as arrows (mean over 4 ms, 0.2 m
-    for 10 kN, at most 1 m), and over simulated time: these forces (N), compactness of zones, kinetic energy (J), iterations
-    per step, residual (QM/16) and largest penetration (m). Of a remote simulation it shows tools and sleepers as axes.
+    It shows each stone, tool and sleeper, the force of the ballast on tools and sleepers as arrows at their tops, where
+    stones do not hide them (mean over 4 ms, 0.2 m for 10 kN, at most 1 m), and over simulated time: these forces (N),
+    compactness of zones, kinetic energy (J), iterations per step, residual (QM/16) and largest penetration (m). Of a remote
+    simulation it shows tools and sleepers as axes.
 
     A thread sends the frames. The simulation never waits for a viewer: frames that the viewer does not take are dropped,
     and a warning at the end has their number. A file gets every frame.
@@ -83,6 +88,8 @@ class LiveView:
         # One frame waits while another is on its way.
         self._frames: queue.Queue[_Frame | None] = queue.Queue(maxsize=1)
         self._shapes = [] if self._is_remote else _by_shape(sim)
+        self._tops = {name: np.zeros(3) if self._is_remote else _top(sim.parts(name)) for name in self._tracked}
+        self._lines: dict[str, list[str]] = {}
         _log_bodies(recording, sim, self._tracked, self._shapes, self._is_remote)
         self._sender = threading.Thread(target=self._send, name="live view", daemon=True)
         self._sender.start()
@@ -202,7 +209,7 @@ class LiveView:
         """Sends frames until the view is closed. Runs in its own thread."""
         try:
             while (frame := self._next()) is not None:
-                _log_frame(self._recording, frame, self._shapes)
+                self._log(frame)
                 if not self._waits:
                     self._wait_for_viewer()
             if self._waits:
@@ -225,6 +232,36 @@ class LiveView:
         except RuntimeError:
             # It is not there yet, or gone.
             self._is_closing.wait(1.0)
+
+
+    def _log(self, frame: _Frame) -> None:
+        rerun, recording = importlib.import_module("rerun"), self._recording
+        recording.set_time(TIMELINE, duration=np.timedelta64(frame.time_ns, "ns"))
+        if frame.state is not None:
+            positions = frame.state.positions.astype(np.float32)
+            orientations = frame.state.orientations.astype(np.float32)
+            for shape, grains in self._shapes:
+                poses = rerun.InstancePoses3D(translations=positions[grains], quaternions=orientations[grains])
+                recording.log(_stones(shape), poses)
+        for name, (position, orientation) in frame.poses.items():
+            recording.log(["bed", "bodies", name], rerun.Transform3D(translation=position, quaternion=orientation))
+            force = frame.forces.get(name)
+            top = position + rotation(orientation) @ self._tops[name]
+            arrows = ([], []) if force is None else ([top], [_arrow(force)])
+            shown = rerun.Arrows3D(origins=arrows[0], vectors=arrows[1], colors=[FORCE], radii=ARROW_RADIUS)
+            recording.log(["bed", "forces", name], shown)
+        for name in dict.fromkeys(name for _, values in frame.windows for name in values):
+            rows = [(time_ns, values[name]) for time_ns, values in frame.windows if name in values]
+            times, scalars = zip(*rows, strict=True)
+            column = rerun.TimeColumn(TIMELINE, duration=np.array(times, dtype="timedelta64[ns]"))
+            path = rerun.new_entity_path(name.split("/"))
+            plot, label = name.split("/", 1)
+            others = self._lines.setdefault(plot, [])
+            if label not in others:
+                style = rerun.SeriesLines(names=[label], colors=[LINES[len(others) % len(LINES)]])
+                recording.log(path, style, static=True)
+                others.append(label)
+            recording.send_columns(path, [column], rerun.Scalars.columns(scalars=scalars))
 
 
 def live(
@@ -336,6 +373,24 @@ def _by_shape(sim: ballast.Simulation) -> list[tuple[int, Any]]:
     return [(int(shape), np.flatnonzero(indices == shape)) for shape in np.unique(indices)]
 
 
+def _top(solids: list[tuple[Any, list[list[int]]]]) -> Any:
+    """Returns the middle of the highest corners of a body, in its frame."""
+    corners = np.vstack([points for points, _ in solids])
+    return corners[corners[:, 2] > corners[:, 2].max() - 1e-6].mean(axis=0)
+
+
+def rotation(q: Any) -> Any:
+    """Returns the rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
+    x, y, z, w = q
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
 def _mesh(solids: list[tuple[Any, list[list[int]]]], color: tuple[int, int, int]) -> Any:
     """Returns polyhedra as one `Mesh3D`, with corners for each face: edges stay sharp."""
     rerun = importlib.import_module("rerun")
@@ -375,28 +430,6 @@ def _log_bodies(
 
 def _stones(shape: int) -> list[str]:
     return ["bed", "stones", f"shape_{shape}"]
-
-
-def _log_frame(recording: Any, frame: _Frame, shapes: list[tuple[int, Any]]) -> None:
-    rerun = importlib.import_module("rerun")
-    recording.set_time(TIMELINE, duration=np.timedelta64(frame.time_ns, "ns"))
-    if frame.state is not None:
-        positions = frame.state.positions.astype(np.float32)
-        orientations = frame.state.orientations.astype(np.float32)
-        for shape, grains in shapes:
-            poses = rerun.InstancePoses3D(translations=positions[grains], quaternions=orientations[grains])
-            recording.log(_stones(shape), poses)
-    for name, (position, orientation) in frame.poses.items():
-        recording.log(["bed", "bodies", name], rerun.Transform3D(translation=position, quaternion=orientation))
-        force = frame.forces.get(name)
-        arrows = ([], []) if force is None else ([position], [_arrow(force)])
-        recording.log(["bed", "forces", name], rerun.Arrows3D(origins=arrows[0], vectors=arrows[1], colors=[FORCE]))
-    for name in dict.fromkeys(name for _, values in frame.windows for name in values):
-        rows = [(time_ns, values[name]) for time_ns, values in frame.windows if name in values]
-        times, scalars = zip(*rows, strict=True)
-        column = rerun.TimeColumn(TIMELINE, duration=np.array(times, dtype="timedelta64[ns]"))
-        path = rerun.new_entity_path(name.split("/"))
-        recording.send_columns(path, [column], rerun.Scalars.columns(scalars=scalars))
 
 
 def _arrow(force: Any) -> Any:

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 import ballast
-from ballast._live import LiveView, live
+from ballast._live import LiveView, live, rotation
 
 __all__ = [
     "LiveView",
@@ -281,15 +281,3 @@ def _for_browser(window: Any) -> bytes:
     with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("index.json", json.dumps({"hashes": arrays, "scene": shown}))
     return packed.getvalue()
-
-
-def rotation(q: Any) -> Any:
-    """Returns the rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
-    x, y, z, w = q
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
