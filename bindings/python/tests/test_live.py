@@ -250,6 +250,23 @@ def test_incomplete_files_are_reported(case: ballast.Case, beds: Path, tmp_path:
         signal.signal(signal.SIGXFSZ, handler)
 
 
+@needs_rerun
+def test_frames_that_cannot_be_sent_end_the_view(
+    sim: ballast.Simulation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError("no more")
+
+    viewer = view.live(sim, tmp_path / "bed.rrd", period_s=0.0)
+    monkeypatch.setattr(view.LiveView, "_log", fail)
+    with pytest.raises(RuntimeError, match="live view: no more"):
+        for _ in range(100):
+            sim.advance_to(sim.now_ns + sim.step_ns)
+            viewer.update()
+    with pytest.raises(RuntimeError, match="live view: no more"):
+        viewer.close()
+
+
 def test_a_missing_extra_is_named(sim: ballast.Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
     with pytest.raises(ModuleNotFoundError, match=r"package rerun-sdk, found none; install it: pip install 'ballast\[rerun\]'"):

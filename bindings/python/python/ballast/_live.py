@@ -10,6 +10,7 @@ import queue
 import sys
 import threading
 import time
+import uuid
 import warnings
 from collections import deque
 from contextlib import suppress
@@ -86,7 +87,7 @@ class LiveView:
         self._is_closing = threading.Event()
         self._is_closed = False
         # One frame waits while another is on its way.
-        self._frames: queue.Queue[_Frame | None] = queue.Queue(maxsize=1)
+        self._frames: queue.Queue[_Frame] = queue.Queue(maxsize=1)
         self._shapes = [] if self._is_remote else _by_shape(sim)
         self._tops = {name: np.zeros(3) if self._is_remote else _top(sim.parts(name)) for name in self._tracked}
         self._lines: dict[str, list[str]] = {}
@@ -131,15 +132,11 @@ class LiveView:
         if self._is_closed:
             return
         self._is_closed = True
-        if self._waits:
-            self._frames.put(None)
-            self._sender.join()
-        else:
-            self._is_closing.set()
-            self._sender.join(CLOSE_TIMEOUT_S)
-            if self._sender.is_alive():
-                # At the end of the program, Rerun would wait for this viewer for ever.
-                importlib.import_module("rerun").unregister_shutdown()
+        self._is_closing.set()
+        self._sender.join(None if self._waits else CLOSE_TIMEOUT_S)
+        if self._sender.is_alive():
+            # At the end of the program, Rerun would wait for this viewer for ever.
+            importlib.import_module("rerun").unregister_shutdown()
         if self.dropped_frames:
             total = self.frames + self.dropped_frames
             text = f"live view: the viewer did not keep up, {self.dropped_frames} of {total} frames were dropped"
@@ -300,7 +297,8 @@ def live(
         raise ValueError(f"max_fps: expected a number above 0, found {max_fps}")
     try:
         rerun = importlib.import_module("rerun")
-        recording = rerun.RecordingStream("ballast")
+        # Views of one process would else be one recording.
+        recording = rerun.RecordingStream("ballast", recording_id=uuid.uuid4())
     except (ModuleNotFoundError, AttributeError):
         raise ModuleNotFoundError(f"ballast.view.live: {INSTALL}", name="rerun") from None
     # Times of the computer would make equal runs differ.
@@ -416,6 +414,7 @@ def _log_bodies(
 ) -> None:
     """Sends everything that does not change: axes, shapes of stones and bodies."""
     rerun = importlib.import_module("rerun")
+    recording.send_recording_name("remote" if is_remote else sim.case.name)
     recording.log("bed", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
     for shape, _ in shapes:
         recording.log(_stones(shape), _mesh([sim.shape(shape)], STONE), static=True)
