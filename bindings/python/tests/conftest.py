@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -47,6 +50,14 @@ def renamed(case: ballast.Case, stroke_m: float = 0.02) -> ballast.Case:
     ]  # fmt: skip
     values["tamping"]["squeeze"]["stroke_m"] = stroke_m
     return ballast.Case.from_dict(values)
+
+
+@functools.cache
+def drawing_fault() -> str | None:
+    """Returns why nothing can be drawn here, if so: drawing needs a graphics library, without which the process may die."""
+    ball = "import pyvista as pv; p = pv.Plotter(off_screen=True); p.add_mesh(pv.Sphere()); p.screenshot()"
+    done = subprocess.run([sys.executable, "-c", ball], capture_output=True, text=True)
+    return None if done.returncode == 0 else done.stderr.strip()[-200:]
 
 
 def lowered(sim: ballast.Simulation, depth: float, steps: int) -> dict[str, ballast.Motion]:

@@ -12,7 +12,7 @@ from typing import Any
 
 import ballast
 import pytest
-from conftest import ROOT, renamed
+from conftest import ROOT, drawing_fault, renamed
 
 EXAMPLES = ROOT / "examples/python"
 
@@ -161,6 +161,46 @@ def test_tour_notebook(place: Path) -> None:
     assert any("image/png" in out.get("data", {}) for out in outputs)
 
 
+#: Packages that each notebook needs besides matplotlib.
+NOTEBOOKS = {
+    "first_bed": [],
+    "coupled_controller": [],
+    "study": ["pandas", "loky"],
+    "results": ["pandas", "xarray", "pyvista", "trame_vtk"],
+}
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_notebooks(place: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    nbformat = pytest.importorskip("nbformat")
+    nbclient = pytest.importorskip("nbclient")
+    for package in ("ipykernel", "matplotlib", *NOTEBOOKS[name]):
+        pytest.importorskip(package)
+    notebook = nbformat.read(ROOT / f"examples/notebooks/{name}.ipynb", as_version=4)
+    nbformat.validate(notebook)
+    assert "\nTime on two cores: " in notebook.cells[0].source
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert all(not cell.outputs and cell.execution_count is None for cell in code), "the notebook has outputs"
+    if name == "results":
+        program = ROOT / "target/release/ballast"
+        if not program.exists() or drawing_fault():
+            pytest.skip(drawing_fault() or f"{program} is not built")
+        monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    # As Jupyter runs it: from the folder of the notebook.
+    (place / "examples/notebooks").mkdir(parents=True)
+    (place / "tiny.toml").rename(place / "examples/first.toml")
+    folder = {"metadata": {"path": str(place / "examples/notebooks")}}
+    nbclient.NotebookClient(notebook, timeout=300, resources=folder).execute()
+    assert any("image/png" in out.get("data", {}) for cell in code for out in cell.outputs)
+    assert list((place / "examples/notebooks").iterdir()) == []
+
+
+def test_all_notebooks_are_tested_and_listed() -> None:
+    found = {path.stem for path in (ROOT / "examples/notebooks").glob("*.ipynb")}
+    guide = (ROOT / "docs/src/guide/python.md").read_text()
+    assert found == set(NOTEBOOKS) and all(f"examples/notebooks/{name}.ipynb" in guide for name in found)
+
+
 PAGES = [
     ROOT / page
     for page in (
@@ -187,10 +227,17 @@ def blocks() -> list[Any]:
 def test_code_blocks_of_the_documents(place: Path, code: str) -> None:
     if "zenoh:" in code:
         pytest.skip("needs another process; test_remote does the like")
-    if "study" in code:
-        pytest.importorskip("pandas")
+    for word, needed in (("study", "pandas"), ("view.live", "rerun"), ("tables", "xarray"), ("frames", "pyvista"), ("save_page", "trame_vtk")):
+        if word in code:
+            pytest.importorskip(needed)
     (place / "examples").mkdir()
     (place / "tiny.toml").rename(place / "examples/first.toml")
+    if "runs/look" in code:
+        program = ROOT / "target/release/ballast"
+        if not program.exists():
+            pytest.skip(f"{program} is not built")
+        called = [program, "run", "examples/first.toml", "--steps", "30", "--out", "runs/look"]
+        subprocess.run(called, check=True, capture_output=True, cwd=place)
     # As it is shown: processes that a study begins import this file. Imports are said once in a page.
     (place / "shown.py").write_text(f"import ballast\n{code}")
     done = subprocess.run([sys.executable, "shown.py"], capture_output=True, text=True, cwd=place)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import base64
 import functools
 import importlib
+import io
 import json
 import math
 import os
@@ -16,6 +18,7 @@ import threading
 import time
 import tomllib
 import warnings
+import zipfile
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -1236,25 +1239,49 @@ def test_pictures(sim: ballast.Simulation, tmp_path: Path) -> None:
     assert np.all(low < tine.start) and np.all(tine.start < high)
     with pytest.raises(KeyError, match="tine_1"):
         sim.parts("tine_9")
-    # Drawing needs a graphics library that may be missing: where not even a ball is drawn.
-    ball = "import sys, pyvista as pv; p = pv.Plotter(off_screen=True); p.add_mesh(pv.Sphere()); p.screenshot(sys.argv[2])"
     drawing = (
-        "import sys, ballast, ballast.view as view\n"
+        "import sys, importlib.util, ballast, ballast.view as view\n"
         "sim = ballast.resume(sys.argv[1], threads=1)\n"
         "view.save_picture(sim, sys.argv[2])\n"
-        "view.save_picture(sim, sys.argv[3], forces=True)"
+        "view.save_picture(sim, sys.argv[3], forces=True)\n"
+        "if importlib.util.find_spec('trame_vtk'): view.save_page(sim, 'bed.html', forces=True)"
     )
     state, speeds, forces = (tmp_path / name for name in ("state.h5", "speeds.png", "forces.png"))
     sim.save().write(state)
 
-    def drawn(program: str) -> subprocess.CompletedProcess[str]:
-        called = [sys.executable, "-c", program, state, speeds, forces]
-        return subprocess.run(called, capture_output=True, text=True)
+    from conftest import drawing_fault
 
-    if (without := drawn(ball)).returncode != 0:
-        pytest.skip(f"nothing can be drawn here: {without.stderr.strip()[-200:]}")
-    speeds.unlink()
-    done = drawn(drawing)
+    if fault := drawing_fault():
+        pytest.skip(f"nothing can be drawn here: {fault}")
+    called = [sys.executable, "-c", drawing, state, speeds, forces]
+    done = subprocess.run(called, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert speeds.stat().st_size > 5000 and forces.stat().st_size > 5000
     assert speeds.read_bytes() != forces.read_bytes()
+    pytest.importorskip("trame_vtk")
+    arrays, chains = arrays_of_page(tmp_path / "bed.html", "tiny"), view.force_chains(sim)
+    for name, expected in (("Points", surface.points), ("Points", chains.points), ("force, N", chains["force, N"])):
+        assert any(n == name and np.array_equal(a, expected.ravel()) for n, a in arrays)
+
+
+def arrays_of_page(path: Path, title: str) -> list[tuple[str, np.ndarray]]:
+    """Returns names and values of the arrays of numbers in a page of `save_page`."""
+    page = path.read_text()
+    assert f"<title>{title}</title>" in page
+    # Nothing is loaded from elsewhere.
+    assert not re.search(r"<(script|link|img)[^>]*(src|href)=", page)
+    [packed] = re.findall(r'base64Str = "([A-Za-z0-9+/=]+)"', page)
+    with zipfile.ZipFile(io.BytesIO(base64.b64decode(packed))) as archive:
+        scene = json.loads(archive.read("index.json"))
+    arrays, waiting = [], [scene["scene"]]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, list):
+            waiting += part
+        elif isinstance(part, dict):
+            waiting += part.values()
+            kind = {"Float32Array": np.float32, "Float64Array": np.float64}.get(part.get("dataType"))
+            if kind:
+                content = base64.b64decode(scene["hashes"][part["hash"]]["content"])
+                arrays.append((str(part["name"]), np.frombuffer(content, kind)))
+    return arrays
