@@ -32,7 +32,7 @@ install -D "$built/deps/libballast_fmu.so" "$content/$name.data/data/lib/ballast
 install -D -m 644 LICENSE "$content/$name.dist-info/licenses/LICENSE"
 python scripts/third_party_licences.py bindings/python/Cargo.toml interfaces/cli/Cargo.toml \
     >"$content/$name.dist-info/licenses/THIRD-PARTY"
-sed -i "s#$PWD/##g" "$content/$name.dist-info"/sboms/*.json
+sed -i "s#$PWD#.#g" "$content/$name.dist-info"/sboms/*.json
 sed -i '/^License-Expression/a License-File: LICENSE\nLicense-File: THIRD-PARTY' "$content/$name.dist-info/METADATA"
 mkdir target/wheel
 wheel pack --dest-dir target/wheel "$content"
