@@ -3,9 +3,10 @@
 # make check  format, lints and documentation, which a change must pass as well
 # make docs   the generated pages of the documentation, from schema, program, messages and stub
 # make book   the documentation as a book, in target/book
-# All install what is missing first (scripts/setup.sh); cargo alone does as well once it is there.
+# make wheel  package, program and library of units in one wheel that needs no compiler, in target/wheel
+# All but the last two install what is missing first (scripts/setup.sh); cargo alone does as well once it is there.
 
-.PHONY: demo test test-rust test-python test-book check format lints documentation docs book setup
+.PHONY: demo test test-rust test-python test-book check format lints documentation docs book wheel setup
 
 demo: setup
 	# Without the network, which would take the compiler longer than all the rest.
@@ -53,6 +54,9 @@ docs: setup
 
 book:
 	cargo run --locked --manifest-path tests/book/Cargo.toml --target-dir target/book-build
+
+wheel:
+	scripts/wheel.sh
 
 setup:
 	@scripts/setup.sh

@@ -142,6 +142,13 @@ fn the_python_package_shares_all_compiled_crates() {
     crate::none(objections(without_own(package), &tests));
 }
 
+#[test]
+fn ordinary_builds_take_the_hdf5_of_the_system() {
+    let tests = compiled(&["--workspace", "--edges", "normal,build,dev"]);
+    let built = |name: &str| tests.iter().any(|line| line.starts_with(name));
+    assert!(built("hdf5-metno-sys ") && !built("hdf5-metno-src "), "HDF5 is built from source");
+}
+
 /// Returns a line of [`compiled`] without the features.
 fn name_and_version(line: &str) -> String {
     line.split(' ').take(2).collect::<Vec<_>>().join(" ")

@@ -409,7 +409,7 @@ pub struct ExportFmuArgs {
     /// Version of FMI
     #[arg(long, value_name = "VERSION", default_value = "2")]
     pub fmi: FmiName,
-    /// Library of units (default: the one beside the program)
+    /// Library of units (default: the one installed with the program)
     #[arg(long, value_name = "FILE")]
     pub library: Option<PathBuf>,
     #[command(flatten)]

@@ -76,15 +76,16 @@ fn units(args: &ExportFmuArgs) -> Vec<(PathBuf, FmiVersion)> {
     }
 }
 
-/// Reads the library of units: the given one, or the one beside the program.
+/// Reads the library of units: the given one, or the newest of those installed or built with the program.
 fn library(given: Option<&Path>) -> Result<Vec<u8>> {
     let path = match given {
         Some(path) => path.to_path_buf(),
         None => {
             let program = std::env::current_exe().unwrap_or_default();
             let folder = program.parent().unwrap_or(Path::new("."));
-            // Cargo leaves libraries that it builds for other packages in `deps`.
-            let places = [folder.join(LIBRARY_FILE), folder.join("deps").join(LIBRARY_FILE)];
+            // Cargo leaves libraries that it builds for other packages in `deps`; wheels install to `bin` and `lib/ballast`.
+            let folders = [folder.into(), folder.join("deps"), folder.join("../lib/ballast")];
+            let places = folders.map(|folder| folder.join(LIBRARY_FILE));
             let built =
                 |path: &PathBuf| Some((path.metadata().ok()?.modified().ok()?, path.clone()));
             let newest = places.iter().filter_map(built).max();

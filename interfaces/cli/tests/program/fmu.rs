@@ -1,6 +1,8 @@
 //! `ballast export fmu`: units of a case.
 
-use crate::setup::Place;
+use crate::setup::{Ended, Place};
+use ballast_fmu::package::LIBRARY_FILE;
+use std::process::Command;
 
 #[test]
 fn units_of_both_versions_are_written_and_replaced() {
@@ -15,6 +17,27 @@ fn units_of_both_versions_are_written_and_replaced() {
     // Equal content gives equal bytes.
     export("-o bed_fmi3.fmu --fmi 3").with_code(0);
     assert!(read("bed_fmi3.fmu") == written);
+}
+
+#[test]
+fn the_library_is_found_in_the_layout_of_an_installation() {
+    let place = Place::new();
+    // A link, which needs one file system: a copy that another test forks away with cannot be run.
+    let installed = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let at = |name: &str| installed.path().join(name);
+    for folder in ["bin", "lib/ballast"] {
+        std::fs::create_dir_all(at(folder)).unwrap();
+    }
+    std::fs::hard_link(env!("CARGO_BIN_EXE_ballast"), at("bin/ballast")).unwrap();
+    let mut export = Command::new(at("bin/ballast"));
+    let arguments = place.with_beds_command("export fmu tiny.toml --out bed.fmu");
+    export.args(arguments.get_args()).current_dir(place.path(""));
+    let missing = Ended(export.output().unwrap()).with_code(1);
+    assert!(missing.stderr().contains("expected the library of units at"));
+    // Its bytes do not matter to the export.
+    std::fs::write(at("lib/ballast").join(LIBRARY_FILE), "library").unwrap();
+    Ended(export.output().unwrap()).with_code(0);
+    assert!(std::fs::read(place.path("bed.fmu")).unwrap().starts_with(b"PK"));
 }
 
 #[test]
