@@ -231,7 +231,7 @@ impl TouchPoint {
     }
 
     /// Returns the point over the face of the touched body that the grain penetrates least, of those that are not hidden;
-    /// `None` if the point of the grain lies outside the touched body, or all faces are hidden.
+    /// `None` if the point of the grain lies outside one of these faces or deeper below that one, or all faces are hidden.
     fn over_nearest_face<'a>(
         &self,
         grain: u32,
@@ -245,20 +245,26 @@ impl TouchPoint {
         let TouchedBody::Convex(grain) = body([grain, 0]) else { return None };
         let tolerance = TOLERANCE * touched.shape.radius;
         let on_grain = touched.pose.inverse_point(&(self.foot + self.normal * self.gap));
-        let mut points = vec![];
+        let mut least: Option<(f64, Self)> = None;
         for (n, offset) in touched.shape.face_normals.iter().zip(&touched.shape.face_offsets) {
             let gap = n.dot(&on_grain) - offset;
+            let outward = touched.pose.orientation * n;
+            let point = self.over_plane(outward, gap);
+            if is_hidden(&point) {
+                continue;
+            }
             if gap > tolerance {
                 return None;
             }
-            let outward = touched.pose.orientation * n;
             let height =
                 |v: &Vec3| n.dot(&touched.pose.inverse_point(&grain.pose.point(v))) - offset;
             let lowest = grain.shape.vertices.iter().map(height).fold(f64::INFINITY, f64::min);
-            points.push((-lowest, self.over_plane(outward, gap)));
+            if least.is_none_or(|(depth, _)| -lowest < depth) {
+                least = Some((-lowest, point));
+            }
         }
-        points.sort_by(|a, b| a.0.total_cmp(&b.0));
-        points.into_iter().map(|(_, point)| point).find(|point| !is_hidden(point))
+        // Deeper below another face, the grain is held by the covering body.
+        least.map(|(_, point)| point).filter(|point| point.gap >= self.gap - tolerance)
     }
 
     /// Returns true if the body touched here covers that of `point` at its foot.

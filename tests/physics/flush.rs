@@ -3,7 +3,7 @@
 use crate::common::scene::{Scene, slope};
 use ballast::geometry::{GrainShape, Polyhedron, convex_hull, random_grain};
 use ballast::math::{Pose, Vec3};
-use ballast::model::Part;
+use ballast::model::{ContactStiffness, Part};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
@@ -115,8 +115,8 @@ fn wedge(rise: f64) -> (Polyhedron, Pose) {
     convex_hull(&corners).expect("a wedge")
 }
 
-/// A wedge falls with its sharp edge on the rim of a block that is flush with a wall: the normal of least penetration is
-/// that of its lower face, and there it touches the covered rim.
+/// A wedge falls with its sharp edge on the rim of a block that is flush with a wall. Where its springs let it penetrate, the
+/// normal of least penetration is that of its lower face, and there it touches the covered rim.
 #[test]
 fn wedge_beside_a_covered_rim_stays_on_the_block() {
     for wall in ["half-space", "box"] {
@@ -128,6 +128,8 @@ fn wedge_beside_a_covered_rim_stays_on_the_block() {
             let start = pose.position + Vec3::new(1e-5, 0.0, 1e-3);
             scene.grain(index, Pose { position: start, ..pose });
             scene.state.velocity[0].z = -0.5;
+            let springs = ContactStiffness { normal: 1e6, ..ContactStiffness::default() };
+            scene.model.grain_stiffness = springs;
             let (block, _) = cuboid(Vec3::new(0.2, 0.2, 0.2));
             let block = scene.shape(block);
             let part = Part::Convex { shape: block, pose: Pose::identity() };
@@ -141,6 +143,7 @@ fn wedge_beside_a_covered_rim_stays_on_the_block() {
             } else {
                 scene.plane("wall", slope(std::f64::consts::FRAC_PI_2), 0.3);
             }
+            scene.model.driven.iter_mut().for_each(|d| d.stiffness = springs);
             let mut lowest = f64::INFINITY;
             for _ in 0..(100_000_000 / step_ns) {
                 scene.step();
@@ -150,7 +153,7 @@ fn wedge_beside_a_covered_rim_stays_on_the_block() {
                 };
                 lowest = shape.vertices.iter().map(|v| pose.point(v).z).fold(lowest, f64::min);
             }
-            assert!(lowest > -2e-4, "{wall}, {rise} m, {step_ns} ns: {lowest} m");
+            assert!(lowest > -2e-3, "{wall}, {rise} m, {step_ns} ns: {lowest} m");
         }
     }
 }
