@@ -118,9 +118,9 @@ impl State {
         Pose { position: self.position[b], orientation: self.orientation[b] }
     }
 
-    /// Poses of the driven bodies `[nd]`.
-    pub fn driven_poses(&self, model: &Model) -> Vec<Pose> {
-        (model.grains.len()..model.body_count()).map(|b| self.pose(b)).collect()
+    /// Returns the poses that were last imposed on the driven bodies `[nd]`, or on their mounts.
+    pub fn imposed_poses(&self, model: &Model) -> Vec<Pose> {
+        (0..model.driven.len()).map(|d| self.imposed(model, d)).collect()
     }
 
     /// Returns the pose that was last imposed on driven body `d`, or on its mount.

@@ -145,7 +145,7 @@ impl SampleTrial {
 
 fn run(sample: &mut Sample, steps: u64, trial: &mut SampleTrial, profile: &mut Profile) -> Result {
     let Sample { model, state, .. } = sample;
-    let still = state.driven_poses(model);
+    let still = state.imposed_poses(model);
     let mut workspace = Workspace::default();
     for _ in 0..steps {
         profile.output();

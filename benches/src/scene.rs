@@ -75,7 +75,7 @@ impl BenchScene {
     /// Reads a sample, in which only grains move.
     pub fn read_sample(path: &Path) -> Result<Self> {
         let Sample { model, state, steps, .. } = read_sample(path)?;
-        let driver = SceneDriver::Fixed(state.driven_poses(&model));
+        let driver = SceneDriver::Fixed(state.imposed_poses(&model));
         let name = path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
         Ok(Self { name, model, state, driver, steps })
     }

@@ -23,6 +23,7 @@ use super::pour::{self, PlacedGrain, Templates};
 
 use super::settle::{BedBuilder, DepositProgress, DepositStage, Settling};
 use super::sleeper::{sleeper, sleeper_pose};
+use super::subgrade;
 use super::traffic;
 use crate::error::{Error, Result};
 use crate::geometry::{AxisBox, Clipper, Polyhedron};
@@ -329,9 +330,11 @@ fn pouring_h(plan: &Plan) -> f64 {
 
 fn empty_box(plan: &Plan) -> Result<BedBuilder> {
     let low = plan.bed.friction.boundary.map(|own| own.min(plan.bed.preparation.friction));
-    let driven = boundaries(&plan.bed.size, low);
+    let mut driven = boundaries(&plan.bed.size, low);
     let mut state = State::default();
     driven.iter().for_each(|_| state.push(Pose::identity()));
+    driven[0].mount = subgrade::floor_mount(&plan.bed);
+    state.mount.extend(driven[0].mount.map(|_| Pose::identity()));
     let mut model = Model {
         shapes: Vec::new(),
         grains: Grains::default(),
@@ -446,6 +449,9 @@ fn check(plan: &Plan) -> Result<()> {
             &format!("a step in which free fall gains less than {FALL_SPEED} m/s"),
             format!("{} s", pouring_h(plan)),
         );
+    }
+    if let Some(soil) = &bed.subgrade {
+        subgrade::check(soil)?;
     }
     if let Some(load) = &bed.traffic {
         traffic::check(plan, load)?;

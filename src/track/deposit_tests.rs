@@ -246,7 +246,7 @@ fn a_frictionless_wall_carries_no_tangential_impulse() {
     assert_eq!(frictions(&model)[..5], plan.bed.friction.boundary);
     let springs = model.driven.iter().filter(|d| !d.stiffness.is_rigid());
     assert_eq!(springs.map(|d| d.name.as_str()).collect::<Vec<_>>(), ["floor"]);
-    let targets = state.driven_poses(&model);
+    let targets = state.imposed_poses(&model);
     let inputs = StepInputs::from_targets(&targets);
     let mut workspace = Workspace::default();
     for _ in 0..5 {

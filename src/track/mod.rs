@@ -15,6 +15,7 @@ mod settle;
 mod shape;
 pub mod sleeper;
 mod squeeze;
+mod subgrade;
 pub mod tamping_cycle;
 #[cfg(test)]
 mod test_plan;

@@ -24,20 +24,20 @@ pub(crate) fn put_on_mount(model: &mut Model, state: &mut State, d: usize, mount
     });
 }
 
-/// Takes the first mounted body off its mount and puts it, standing still, behind all driven bodies.
-pub(super) fn take_off_mount(model: &mut Model, state: &mut State) {
-    let (ng, last) = (model.grains.len(), model.body_count() - 1);
-    model.driven[0].mount = None;
-    model.driven.rotate_left(1);
-    state.position[ng..].rotate_left(1);
-    state.orientation[ng..].rotate_left(1);
-    state.velocity[ng..].rotate_left(1);
-    state.angular_velocity[ng..].rotate_left(1);
+/// Takes mounted body `d` off its mount and puts it, standing still, behind all driven bodies.
+pub(super) fn take_off_mount(model: &mut Model, state: &mut State, d: usize) {
+    let (body, last) = (model.grains.len() + d, model.body_count() - 1);
+    model.driven[d].mount = None;
+    model.driven[d..].rotate_left(1);
+    state.position[body..].rotate_left(1);
+    state.orientation[body..].rotate_left(1);
+    state.velocity[body..].rotate_left(1);
+    state.angular_velocity[body..].rotate_left(1);
     state.velocity[last] = Vec3::zeros();
-    state.mount.remove(0);
+    state.mount.remove(d);
     state.contacts.renumber(|b| match b {
-        _ if b < ng => b,
-        _ if b == ng => last,
+        _ if b < body => b,
+        _ if b == body => last,
         _ => b - 1,
     });
 }

@@ -45,8 +45,22 @@ pub struct BedPlan {
     pub gravity: f64,
     /// Settings of pouring and settling.
     pub preparation: PreparationPlan,
+    /// Soil under the floor; `None`: a rigid floor.
+    pub subgrade: Option<SubgradePlan>,
     /// Traffic over the bed after it has been poured; `None`: a bed that has carried nothing.
     pub traffic: Option<TrafficPlan>,
+}
+
+/// Soil under the floor: springs and dampers spread over its area (Winkler foundation). The floor moves vertically, without
+/// tilting.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SubgradePlan {
+    /// Modulus of subgrade reaction: pressure over settlement, N/m³.
+    pub modulus: f64,
+    /// Damping over critical damping.
+    pub damping_ratio: f64,
+    /// Mass of soil that moves with the floor, per area, kg/m².
+    pub mass_per_area: f64,
 }
 
 /// Share of a prepared bed up to its fill level that is stone, sleepers and walls included; for estimates only.

@@ -36,6 +36,7 @@ fn bed(size: Vec3) -> BedPlan {
             rest_speed: 5e-3,
             max_settling: 0.5,
         },
+        subgrade: None,
         traffic: None,
     }
 }

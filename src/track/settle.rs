@@ -105,7 +105,7 @@ impl BedBuilder {
         self.adopt(settling);
         let g = self.model.gravity.norm();
         let keep = settling.fall_speed.map_or(1.0, |v| 1.0 - g * settling.stepping.h() / v);
-        let targets = self.state.driven_poses(&self.model);
+        let targets = self.state.imposed_poses(&self.model);
         let inputs = StepInputs::from_targets(&targets);
         let [least, most] = settling.steps;
         for done in 1..=most {

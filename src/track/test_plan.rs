@@ -44,6 +44,7 @@ pub fn small_plan() -> Plan {
                 rest_speed: 5e-3,
                 max_settling: 0.5,
             },
+            subgrade: None,
             traffic: None,
         },
         sleepers: vec![SleeperPlan {

@@ -41,6 +41,8 @@ pub(super) fn carry_traffic(
     settlements: &mut Vec<f64>,
     watch: &mut dyn FnMut(&DepositProgress) -> ControlFlow<()>,
 ) -> Result<ControlFlow<()>> {
+    // The floor may be on the subgrade; the sleepers stand behind it.
+    let first = builder.model.mounted_count();
     for s in &plan.sleepers {
         let index = sleeper_index(&builder.model, s);
         put_on_mount(&mut builder.model, &mut builder.state, index, vertical_mount(s));
@@ -50,12 +52,13 @@ pub(super) fn carry_traffic(
     let total = steps(traffic.load.duration());
     let settling = settling(plan, solver, total);
     builder.adopt(&settling);
-    let targets = builder.state.driven_poses(&builder.model);
+    let targets = builder.state.imposed_poses(&builder.model);
     let start = mean_level(plan, builder);
     for done in 1..=total {
         let load = traffic.load.load((done as f64 - 0.5) * h);
         let load = Load { force: Vec3::new(0.0, 0.0, -load), torque: Vec3::zeros() };
-        let loads = vec![load; builder.model.mounted_count()];
+        let mut loads = vec![load; builder.model.mounted_count()];
+        loads[..first].fill(Load::zero());
         let inputs = StepInputs { loads: &loads, ..StepInputs::from_targets(&targets) };
         if advance(builder, &settling, done, &inputs, watch)?.is_break() {
             return Ok(ControlFlow::Break(()));
@@ -71,7 +74,7 @@ pub(super) fn carry_traffic(
         }
     }
     for _ in &plan.sleepers {
-        take_off_mount(&mut builder.model, &mut builder.state);
+        take_off_mount(&mut builder.model, &mut builder.state, first);
     }
     if plan.sleepers.len() > 1 && level_sleepers(plan, solver, builder, watch)?.is_break() {
         return Ok(ControlFlow::Break(()));
@@ -115,7 +118,7 @@ fn level_sleepers(
     let h = plan.run.stepping.h();
     let steps = (LEVELLING_DURATION / h).ceil().max(1.0) as u64;
     let settling = settling(plan, solver, steps);
-    let (start, level) = (builder.state.driven_poses(&builder.model), mean_level(plan, builder));
+    let (start, level) = (builder.state.imposed_poses(&builder.model), mean_level(plan, builder));
     let bodies: Vec<usize> =
         plan.sleepers.iter().map(|s| sleeper_index(&builder.model, s)).collect();
     for done in 1..=steps {
@@ -143,6 +146,7 @@ fn raise(plan: &Plan, builder: &mut BedBuilder) {
     }
     let floor = builder.model.driven_index(FLOOR).map(|d| ng + d);
     (0..ng).chain(floor).for_each(|b| builder.state.position[b].z += rise);
+    builder.state.mount.iter_mut().for_each(|pose| pose.position.z += rise);
 }
 
 /// Mean level of the sleepers' undersides, m.

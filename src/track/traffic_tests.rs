@@ -1,10 +1,13 @@
+use crate::drive::StepInputs;
 use crate::geometry::AxisBox;
 use crate::math::Vec3;
 use crate::model::{ContactStiffness, Role};
 use crate::observe::{self, Zone};
-use crate::track::plan::{LoadCycles, Plan, SleeperPlan, StiffnessPlan, TrafficPlan};
+use crate::step::step;
+use crate::track::plan::{LoadCycles, Plan, SleeperPlan, StiffnessPlan, SubgradePlan, TrafficPlan};
 use crate::track::test_plan::small_plan;
 use crate::track::{Bed, DepositStage, deposit, scene};
+use crate::workspace::Workspace;
 use std::ops::ControlFlow;
 
 const LOAD: LoadCycles =
@@ -113,6 +116,43 @@ fn traffic_ends_where_a_cycle_settles_less_than_the_limit() {
     plan.sleepers.clear();
     let message = deposit(&plan, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
     assert!(message.contains("bed.traffic"), "{message}");
+}
+
+#[test]
+fn a_floor_on_a_subgrade_carries_the_bed_and_follows_its_level() {
+    let mut plan = trafficked();
+    let soil = SubgradePlan { modulus: 2e6, damping_ratio: 0.4, mass_per_area: 500.0 };
+    plan.bed.subgrade = Some(soil);
+    let bed = prepared(&plan);
+    let names: Vec<&str> = bed.model.driven.iter().map(|d| d.name.as_str()).collect();
+    assert_eq!(names, ["floor", "wall_x_min", "wall_x_max", "wall_y_min", "wall_y_max", "sleeper"]);
+    let total = bed.settlements[3];
+    assert_eq!((bed.state.mount.len(), bed.state.mount[0].position.z > 0.9 * total), (1, true));
+    scene(&plan, bed).expect("the bed of the plan");
+    // Between smooth walls and without a sleeper, the floor alone carries the weight.
+    plan.bed.traffic = None;
+    plan.bed.friction.boundary = [0.6, 0.0, 0.0, 0.0, 0.0];
+    plan.bed.preparation.rest_speed = 1e-3;
+    plan.bed.preparation.max_settling = 2.0;
+    plan.sleepers.clear();
+    plan.tines.clear();
+    plan.tamping = None;
+    let Bed { model, mut state, .. } = prepared(&plan);
+    let targets = state.imposed_poses(&model);
+    let mut workspace = Workspace::default();
+    for _ in 0..1000 {
+        let inputs = StepInputs::from_targets(&targets);
+        step(&model, &mut state, &inputs, &mut workspace, &mut ()).unwrap();
+    }
+    let n = model.grains.len();
+    let inside = (0..n).filter(|g| state.position[*g].z > -0.01);
+    let weight = 9.81 * inside.map(|g| model.grains.mass[g]).sum::<f64>();
+    let sinks = weight / (soil.modulus * plan.bed.size.x * plan.bed.size.y);
+    let found = -state.position[n].z;
+    assert!((found / sinks - 1.0).abs() < 0.01, "{found} m instead of {sinks} m");
+    plan.bed.subgrade = Some(SubgradePlan { modulus: 0.0, ..soil });
+    let message = deposit(&plan, &mut |_| ControlFlow::Continue(())).unwrap_err().to_string();
+    assert!(message.contains("bed.subgrade.modulus"), "{message}");
 }
 
 #[test]

@@ -24,7 +24,7 @@ const DETECTION_DISTANCE_M: f64 = 2e-3;
 /// Reads a sample as a scene.
 fn world(path: &Path) -> Result<World> {
     let Sample { model, state, .. } = read_sample(path)?;
-    let targets = state.driven_poses(&model);
+    let targets = state.imposed_poses(&model);
     Ok(World {
         model,
         state,

@@ -8,7 +8,7 @@ use ballast::geometry::GrainShape;
 use ballast::model::{ContactStiffness, Stepping};
 use ballast::track::plan::{
     BedPlan, BlockPlan, FrictionPlan, GrainPlan, LoadCycles, Plan, PreparationPlan, RunPlan,
-    SieveFraction, SizeClass, SleeperPlan, StiffnessPlan, TrafficPlan,
+    SieveFraction, SizeClass, SleeperPlan, StiffnessPlan, SubgradePlan, TrafficPlan,
 };
 
 /// Version of the preparation, raised when the same plan gives another bed: old keys then match no bed.
@@ -77,6 +77,7 @@ impl ContentHasher {
             stiffness,
             gravity,
             preparation,
+            subgrade,
             traffic: _,
         } = bed;
         self.numbers(size.iter());
@@ -88,6 +89,9 @@ impl ContentHasher {
         self.stiffness(stiffness);
         self.preparation(preparation);
         self.walls(friction, stiffness);
+        if let Some(SubgradePlan { modulus, damping_ratio, mass_per_area }) = subgrade {
+            self.numbers([modulus, damping_ratio, mass_per_area]);
+        }
     }
 
     /// Hashes floor and walls; nothing where they are all equal and belong to the kinds of contact above.

@@ -9,8 +9,8 @@ use ballast::math::Vec3;
 use ballast::model::ContactStiffness;
 use ballast::track::plan::{
     BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, LoadCycles, Plan, PreparationPlan,
-    ReleasePlan, RunPlan, SizeClass, SqueezePlan, StiffnessPlan, TampingPlan, TrafficPlan,
-    VibrationPlan, classes_of_grading,
+    ReleasePlan, RunPlan, SizeClass, SqueezePlan, StiffnessPlan, SubgradePlan, TampingPlan,
+    TrafficPlan, VibrationPlan, classes_of_grading,
 };
 
 /// Converts `case` to a plan, which is valid only if `report` has no error afterwards.
@@ -54,6 +54,11 @@ fn bed(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) -> BedPl
         stiffness: stiffness(&bed.stiffness, &bed.walls),
         gravity: bed.gravity_m_per_s2,
         preparation: preparation(bed, layout, report),
+        subgrade: bed.subgrade.map(|soil| SubgradePlan {
+            modulus: soil.modulus,
+            damping_ratio: soil.damping_ratio,
+            mass_per_area: soil.mass_kg_per_m2,
+        }),
         traffic: bed.traffic.as_ref().map(traffic),
     }
 }

@@ -29,7 +29,7 @@ fn a_run_in_parts_leaves_the_files_of_a_run_in_one_go() {
 #[test]
 fn examples_go_on_in_another_process_with_other_threads() {
     let place = Place::new();
-    for case in ["first", "laptop"] {
+    for case in ["first", "slice"] {
         let file = format!("{}/../../examples/{case}.toml", env!("CARGO_MANIFEST_DIR"));
         let run = |more: &str| place.with_beds(&format!("run {file} {more}")).with_code(0);
         run(&format!("--steps 8 --threads 1 --out {case}"));

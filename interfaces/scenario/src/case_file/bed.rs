@@ -45,6 +45,9 @@ pub struct BedSection {
     /// Pouring and settling.
     #[serde(default)]
     pub preparation: PreparationSection,
+    /// Soil under the floor. Absent: a rigid floor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub subgrade: Option<SubgradeSection>,
     /// Traffic over the bed after it has been poured. Absent: a bed that has carried nothing.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub traffic: Option<TrafficSection>,
@@ -60,6 +63,35 @@ fn default_density() -> f64 {
 
 fn default_gravity() -> f64 {
     9.81
+}
+
+/// Soil under the floor: springs and dampers spread over its area (Winkler foundation).
+///
+/// The floor moves vertically as a whole, without tilting.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SubgradeSection {
+    /// Modulus of subgrade reaction: pressure over settlement, N/m³. Soft soil has some 2e7, firm soil 1e8.
+    #[serde(rename = "modulus_N_per_m3")]
+    #[schemars(with = "Positive")]
+    pub modulus: f64,
+    /// Damping over critical damping; a rigid footing on soil radiates 0.4 and more.
+    #[serde(default = "default_subgrade_damping")]
+    #[schemars(with = "NonNegative")]
+    pub damping_ratio: f64,
+    /// Mass of soil that moves with the floor, per area, kg/m².
+    #[serde(default = "default_subgrade_mass")]
+    #[schemars(with = "Positive")]
+    pub mass_kg_per_m2: f64,
+}
+
+fn default_subgrade_damping() -> f64 {
+    0.4
+}
+
+/// Some 0.3 m of soil.
+fn default_subgrade_mass() -> f64 {
+    500.0
 }
 
 /// Traffic over the bed: vertical load cycles on every sleeper, which compact the ballast under it.
