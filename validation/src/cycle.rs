@@ -1,21 +1,16 @@
 //! Tamping cycle: energy balance, and influence of the solver settings.
 
+use super::case_run::run_case;
 use super::check::{CheckFinding, ValidationCheck, mean_and_error};
+use super::listed;
 use super::samples_progress::map_parallel;
 use super::suite_size::SuiteSize;
-use super::{check_interrupt, listed};
 use ballast::model::Role;
-use ballast::observe::Coordination;
-use ballast::track;
 use ballast_report::plot::{Chart, SeriesStyle};
 use ballast_session::Reporter;
 use ballast_session::beds;
 use ballast_session::case::{self, Case, CaseOverrides};
-use ballast_session::case_stepper::CaseStepper;
-use ballast_session::driver::{RunDriver, RunObserver, tamping_driver};
-use ballast_session::record::{self, Column};
-use ballast_session::recorder::compactness;
-use ballast_session::summary::{RunSummary, SummarySettings};
+use ballast_session::record::Column;
 use ballast_session::{Failure, Result};
 use std::path::Path;
 
@@ -68,30 +63,7 @@ fn run(
     let mut case = on_bed(case, settings.seed);
     case.plan.run.stepping.step_ns = settings.step_ns;
     case.plan.run.solver.max_iterations = settings.iterations;
-    let (model, state) = beds::scene_without_progress(&case, folder, console)?;
-    let driver = RunDriver::Cycle(tamping_driver(&case, &model, &state)?);
-    let setting = SummarySettings::for_case(&case, &model);
-    let mut summary = RunSummary::new(setting.clone());
-    let mut run = CaseStepper::new(&case, model, state, driver)?;
-    let mut observer = RunObserver::start();
-    let zones = track::zones(&case.plan);
-    let measure = |run: &CaseStepper| compactness(run.model(), run.state(), &zones);
-    summary.take_zones(&measure(&run));
-    for _ in 0..case.steps() {
-        let stepped = run.step(&mut observer);
-        // Also within the step.
-        check_interrupt()?;
-        let Some((_, report)) = stepped? else { break };
-        summary.take_step(&record::row(
-            run.model().stepping.h(),
-            run.state(),
-            &report,
-            run.phase(),
-            &Coordination::default(),
-            &setting.tracked,
-        ));
-    }
-    summary.take_zones(&measure(&run));
+    let (setting, summary) = run_case(&case, folder, console)?;
     let tines: Vec<f64> = (setting.tracked.iter().zip(&summary.bodies))
         .filter(|(tracked, _)| tracked.role == Role::Tine)
         .map(|(_, body)| body.squeeze.single.mean())

@@ -3,6 +3,8 @@
 //! Contract: expected values come from exact laws or publications, never from this program. Everything but times is equal
 //! in every run.
 
+mod box_test;
+mod case_run;
 mod check;
 mod collapse;
 mod cycle;
@@ -44,12 +46,13 @@ const CHECKS: [(&str, CheckFn); 9] = [
     ("shear", shear_box::shear),
     ("triaxial", triaxial::triaxial),
 ];
+const BOX: &str = "box";
 const CYCLE: &str = "cycle";
 const SAMPLES: &str = "samples";
 
 /// Names of all checks.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    CHECKS.into_iter().map(|(name, _)| name).chain([CYCLE, SAMPLES])
+    CHECKS.into_iter().map(|(name, _)| name).chain([BOX, CYCLE, SAMPLES])
 }
 
 /// Checks that the folder of samples is given if the check `samples` is requested.
@@ -93,6 +96,7 @@ pub fn checks(
     for (name, check) in CHECKS {
         all.push((name, Box::new(move || Ok(vec![check(size, console)?]))));
     }
+    all.push((BOX, Box::new(|| Ok(vec![box_test::box_test(size, beds, console)?]))));
     all.push((CYCLE, Box::new(|| Ok(cycle::cycle(size, beds, console)?.to_vec()))));
     if let Some(folder) = samples {
         all.push((SAMPLES, Box::new(|| Ok(vec![lmgc90_samples::compare(folder)?]))));

@@ -149,7 +149,7 @@ pub fn shear(size: &SuiteSize, console: &dyn Reporter) -> Result<ValidationCheck
         // Stones jam in the small box, five of them wide.
         check.findings.push(match PEAKS.iter().find(|(published, _)| published == stress) {
             Some((_, range)) if !size.quick => {
-                CheckFinding::between(name, *peak, *range).with_known_deviation(0.9, DENSITY)
+                CheckFinding::between(name, *peak, *range).with_known_deviation(0.6, DENSITY)
             }
             _ => CheckFinding::informational(name, *peak, "falls with the stress"),
         });

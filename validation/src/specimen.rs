@@ -19,7 +19,7 @@ const STONES: GrainShape = GrainShape {
 /// Smallest and largest diameter of the sphere of equal volume, m; each ratio of sizes has the same share of the mass.
 const SIZES: [f64; 2] = [0.025, 0.050];
 /// Friction between stones.
-pub const STONE_FRICTION: f64 = 0.7;
+pub const STONE_FRICTION: f64 = 0.55;
 /// Friction between stones and steel.
 pub const STEEL_FRICTION: f64 = 0.3;
 /// Stiffness of all contact points.

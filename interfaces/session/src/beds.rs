@@ -57,7 +57,8 @@ pub fn traffic_text(settlements: &[f64]) -> Option<String> {
 /// A bed that cannot be prepared, read or written, or an interrupt.
 pub fn scene(case: &Case, folder: &Path, console: &dyn Reporter) -> Result<(Model, State)> {
     let beds = BedStore::new(folder);
-    scene_of(case, &beds, console, || prepare_bed(case, &beds, console))
+    let bed = bed_of(case, &beds, console, || prepare_bed(case, &beds, console))?;
+    Ok(ballast_beds::scene(&case.plan, bed)?)
 }
 
 /// Returns model and state at the start of a run; prepares the bed without progress, for many in parallel.
@@ -69,21 +70,29 @@ pub fn scene_without_progress(
     folder: &Path,
     console: &dyn Reporter,
 ) -> Result<(Model, State)> {
-    let beds = BedStore::new(folder);
-    let make = || unless_stopped(beds.prepare(case, &mut |_| interrupt::flow())?);
-    scene_of(case, &beds, console, make)
+    Ok(ballast_beds::scene(&case.plan, bed_without_progress(case, folder, console)?)?)
 }
 
-/// Returns model and state at the start of a run, with `prepare` if the cache has no bed.
-fn scene_of(
+/// Returns a bed, prepared without progress if necessary.
+///
+/// # Errors
+/// A bed that cannot be prepared, read or written, or an interrupt.
+pub fn bed_without_progress(case: &Case, folder: &Path, console: &dyn Reporter) -> Result<Bed> {
+    let beds = BedStore::new(folder);
+    let make = || unless_stopped(beds.prepare(case, &mut |_| interrupt::flow())?);
+    bed_of(case, &beds, console, make)
+}
+
+/// Returns a bed, from `make` if the cache has none.
+fn bed_of(
     case: &Case,
     beds: &BedStore,
     console: &dyn Reporter,
     make: impl FnOnce() -> Result<Bed>,
-) -> Result<(Model, State)> {
+) -> Result<Bed> {
     let (prepared, bed) = find_or_prepare(beds.find(&case.plan)?, make)?;
     report_bed(case, beds, &bed, prepared, console);
-    Ok(ballast_beds::scene(&case.plan, bed)?)
+    Ok(bed)
 }
 
 /// Returns the bed, and true if it was prepared now.
