@@ -230,7 +230,6 @@ class LiveView:
             # It is not there yet, or gone.
             self._is_closing.wait(1.0)
 
-
     def _log(self, frame: _Frame) -> None:
         rerun, recording = importlib.import_module("rerun"), self._recording
         recording.set_time(TIMELINE, duration=np.timedelta64(frame.time_ns, "ns"))
