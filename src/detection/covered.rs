@@ -161,12 +161,8 @@ impl CoveredContacts {
             let Some((n, offset)) = near.min_by(|a, b| height(*a).total_cmp(&height(*b))) else {
                 continue;
             };
-            point
-                .over_plane(
-                    touched.pose.orientation * n,
-                    n.dot(&(foot + normal * point.gap)) - offset,
-                )
-                .write(contacts);
+            let gap = n.dot(&(foot + normal * point.gap)) - offset;
+            point.over_plane(touched.pose.orientation * n, gap).write(contacts);
         }
     }
 
@@ -256,11 +252,13 @@ impl TouchPoint {
             if gap > tolerance {
                 return None;
             }
-            let height =
-                |v: &Vec3| n.dot(&touched.pose.inverse_point(&grain.pose.point(v))) - offset;
-            let lowest = grain.shape.vertices.iter().map(height).fold(f64::INFINITY, f64::min);
-            if least.is_none_or(|(depth, _)| -lowest < depth) {
-                least = Some((-lowest, point));
+            let along = grain.pose.orientation.inverse() * outward;
+            let lowest =
+                grain.shape.vertices.iter().map(|v| along.dot(v)).fold(f64::INFINITY, f64::min);
+            let depth =
+                offset - outward.dot(&(grain.pose.position - touched.pose.position)) - lowest;
+            if least.is_none_or(|(other, _)| depth < other) {
+                least = Some((depth, point));
             }
         }
         // Deeper below another face, the grain is held by the covering body.
