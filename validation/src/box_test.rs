@@ -1,7 +1,7 @@
 //! Box test: settlement of ballast under load cycles, before and after tamping.
 
 use super::case_run::run_case;
-use super::check::{CheckFinding, ValidationCheck};
+use super::check::{CheckFinding, ValidationCheck, mean_and_error};
 use super::suite_size::SuiteSize;
 use ballast::model::Role;
 use ballast_report::plot::{Chart, SeriesStyle};
@@ -29,10 +29,8 @@ struct SettlementLaw {
 impl SettlementLaw {
     /// Fits settlements at the end of each cycle by least squares.
     fn fit(settlements: &[f64]) -> Self {
-        let n = settlements.len() as f64;
         let x: Vec<f64> = (1..=settlements.len()).map(|k| (k as f64).ln()).collect();
-        let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
-        let (mx, my) = (mean(&x), mean(settlements));
+        let [mx, my] = [&x[..], settlements].map(|v| mean_and_error(v)[0]);
         let moment = |a: &[f64], ma: f64, b: &[f64], mb: f64| -> f64 {
             a.iter().zip(b).map(|(a, b)| (a - ma) * (b - mb)).sum()
         };
@@ -107,4 +105,25 @@ pub fn box_test(
     }
     check.charts.push(chart.svg());
     Ok(check)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::specimen::{STIFFNESS, STONE_FRICTION, STONES};
+    use ballast_scenario::read_case;
+
+    #[test]
+    fn all_laboratory_tests_have_the_stones_of_the_demonstration() {
+        let demonstration = include_str!("../../examples/slice.toml");
+        let [slice, test] =
+            [demonstration, CASE].map(|text| read_case(text, "case.toml").unwrap().plan.bed);
+        assert_eq!(test.grains, slice.grains);
+        assert_eq!(
+            (test.friction.grain, test.stiffness.grain),
+            (slice.friction.grain, slice.stiffness.grain)
+        );
+        assert_eq!((STONES, STONE_FRICTION), (slice.grains.shape, slice.friction.grain));
+        assert_eq!(STIFFNESS.normal, slice.stiffness.grain.normal);
+    }
 }

@@ -10,7 +10,7 @@ use ballast_session::Result;
 use rand::RngExt;
 
 /// Shape of the stones, with flat and long ones among them as in quarried ballast.
-const STONES: GrainShape = GrainShape {
+pub const STONES: GrainShape = GrainShape {
     vertices: [7, 14],
     elongation: [0.72, 0.20],
     flatness: [0.70, 0.25],
