@@ -17,7 +17,7 @@ import numpy as np
 
 import ballast
 
-CASE = sys.argv[1] if len(sys.argv) > 1 else "examples/laptop.toml"
+CASE = sys.argv[1] if len(sys.argv) > 1 else "benches/cases/laptop_rigid.toml"
 ROUNDS = int(sys.argv[2]) if len(sys.argv) > 2 else 8
 STEPS = 40
 

@@ -1,9 +1,9 @@
 """Studies how the vibration frequency changes tamping: runs the points, writes a table and a plot.
 
     python examples/python/frequency_study.py [CASE [FOLDER [FREQUENCIES [SEEDS]]]]
-    python examples/python/frequency_study.py examples/laptop.toml runs/frequency 20,25,30,35,40,45,50 1,2,3
+    python examples/python/frequency_study.py benches/cases/laptop_rigid.toml runs/frequency 20,25,30,35,40,45,50 1,2,3
 
-A stopped study continues where it was. A cycle of `laptop` takes about five minutes on one core.
+A stopped study continues where it was. A cycle of `laptop_rigid` takes about five minutes on one core.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Studies how the window length changes the loads of a tamping cycle, compared with the scatter over seeds.
 
     python examples/python/window_study.py [CASE [FOLDER [STEPS [SEEDS [JOBS]]]]]
-    python examples/python/window_study.py examples/laptop.toml runs/windows 4,2 1,2,3,4 2
+    python examples/python/window_study.py benches/cases/laptop_rigid.toml runs/windows 4,2 1,2,3,4 2
 
 The case's tamping cycle runs on the bed of every seed, step by step. Its motion is then replayed on the same bed in windows of
 STEPS steps, as a partner would command it: one knot at each end of a window, with the velocity there (cubic), and for the first

@@ -186,7 +186,7 @@ def test_exceptions_of_the_progress_callback_end_prepare(tmp_path: Path) -> None
         raise RuntimeError("enough")
 
     with pytest.raises(RuntimeError, match="enough"):
-        ballast.prepare(ROOT / "examples/laptop.toml", bed_cache=tmp_path, progress=listen)
+        ballast.prepare(ROOT / "examples/slice.toml", bed_cache=tmp_path, progress=listen)
     assert not list(tmp_path.glob("*.h5"))
 
 

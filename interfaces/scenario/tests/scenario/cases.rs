@@ -10,12 +10,17 @@ use ballast::track::sleeper::sleeper;
 use ballast::track::tine::tine;
 use ballast_scenario::{content_key, read_case};
 
-const EXAMPLES: [(&str, &str); 5] = [
+const EXAMPLES: [(&str, &str); 7] = [
     ("first", include_str!("../../../../examples/first.toml")),
     ("slice", include_str!("../../../../examples/slice.toml")),
     ("laptop", include_str!("../../../../examples/laptop.toml")),
     ("one_sleeper", include_str!("../../../../examples/one_sleeper.toml")),
     ("seven_sleepers", include_str!("../../../../examples/seven_sleepers.toml")),
+    (
+        "seven_sleepers_compliant",
+        include_str!("../../../../examples/seven_sleepers_compliant.toml"),
+    ),
+    ("laptop_rigid", include_str!("../../../../benches/cases/laptop_rigid.toml")),
 ];
 
 fn plan(text: &str) -> Plan {
@@ -71,10 +76,22 @@ fn examples_have_the_steps_of_the_study() {
     assert_eq!(one.run.solver.tolerance, None);
     assert!(one.run.solver.penetration_correction.is_some());
     assert_eq!((one.run.stepping.step_ns, steps(&one)), (800_000, 2272));
-    let laptop = example("laptop");
+    let laptop = example("laptop_rigid");
     assert_eq!(steps(&laptop), 2205);
     assert_eq!(laptop.run.solver.tolerance, Some(1.666e-4));
     assert!(laptop.run.solver.penetration_correction.is_some());
+}
+
+#[test]
+fn the_compliant_seven_sleepers_differ_by_contacts_step_and_solver() {
+    let rigid = example("seven_sleepers");
+    let mut compliant = example("seven_sleepers_compliant");
+    assert_ne!(compliant.bed.stiffness, rigid.bed.stiffness);
+    assert!(compliant.run.solver.tolerance.is_some());
+    compliant.name = rigid.name.clone();
+    compliant.bed.stiffness = rigid.bed.stiffness;
+    compliant.run = rigid.run.clone();
+    assert_eq!(compliant, rigid);
 }
 
 #[test]
