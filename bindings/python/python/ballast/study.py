@@ -339,6 +339,33 @@ def run(
     return _table(points, files, errors)
 
 
+def scatter(table: pd.DataFrame | str | os.PathLike[str], by: Collection[str] = ()) -> pd.DataFrame:
+    """Returns mean, standard deviation, least and largest value and number of values of each figure over beds.
+
+    Args:
+        table: a table of `run`, or the path of the `table.csv` of `ballast sweep`.
+        by: columns of settings; beds with different values of these are kept apart.
+
+    Returns:
+        A table with a row per figure, and per combination of the values of `by` before it.
+
+    Raises:
+        ValueError: the table has no column of a name in `by`.
+    """
+    import pandas as pd
+
+    frame = table if isinstance(table, pd.DataFrame) else pd.read_csv(table)
+    if missing := [name for name in by if name not in frame]:
+        raise ValueError(f"by: expected columns of the table, found {missing}; it has {list(frame)}")
+    labels = ["number", "seed", "bed.seed", "error", *by]
+    figures = frame.drop(columns=labels, errors="ignore").select_dtypes("number").columns
+    summaries = ["mean", "std", "min", "max", "count"]
+    if not by:
+        return frame[figures].agg(summaries).T
+    groups = {key: group[figures].agg(summaries).T for key, group in frame.groupby(list(by))}
+    return pd.concat(groups, names=[*by, "figure"])
+
+
 def write_sweep_plan(
     case: str | os.PathLike[str], points: Iterable[Point], path: str | os.PathLike[str]
 ) -> None:
