@@ -12,7 +12,7 @@ use std::path::Path;
 
 const CASE: &str = include_str!("box.toml");
 /// Number of load cycles before tamping in the quick check.
-const QUICK_CYCLES: u32 = 8;
+const QUICK_CYCLES: u32 = 5;
 /// Number of cycles that are compared before and after tamping.
 const COMPARED: usize = 10;
 

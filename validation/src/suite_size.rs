@@ -13,11 +13,6 @@ impl SuiteSize {
         if self.quick { 8 } else { 5 }
     }
 
-    /// Number of heaps per kind of grains; heaps of 120 grains differ by 9°.
-    pub fn heaps(self) -> u64 {
-        if self.quick { 6 } else { 3 }
-    }
-
     /// Returns the number of grains for this size.
     pub fn grains(&self, quick: usize, full: usize) -> usize {
         if self.quick { quick } else { full }
