@@ -80,6 +80,34 @@ pub fn random_grain(rng: &mut Pcg64, shape: &GrainShape, size: f64) -> Result<Po
     })
 }
 
+/// Returns the convex stone with the given corners, in any unit of length, with a nominal diameter of 1.
+///
+/// # Errors
+/// [`Error::Geometry`] for fewer than 4 or more than 100 corners, corners that are no corners of their convex hull, flat
+/// stones, and edges or faces that are too narrow for contact detection.
+pub fn stone_with_corners(corners: &[Vec3]) -> Result<Polyhedron> {
+    let bad = |expected, found: String| Err(Error::Geometry { expected, found });
+    if !(4..=MAX_CORNERS as usize).contains(&corners.len()) {
+        return bad("4 to 100 corners", corners.len().to_string());
+    }
+    let (hull, _) = convex_hull(corners)?;
+    if hull.vertices.len() != corners.len() {
+        let inside = corners.len() - hull.vertices.len();
+        return bad(
+            "corners of a convex stone, each of them once",
+            format!("{inside} of {} that are none of its convex hull", corners.len()),
+        );
+    }
+    let stone = hull.scaled(1.0 / hull.nominal_diameter());
+    if !is_well_conditioned(&stone, 1.0) {
+        return bad(
+            "edges of 3 % and faces of 2 % of the nominal diameter or more, no two faces nearly in one plane",
+            format!("a stone of {} corners with shorter or narrower ones", corners.len()),
+        );
+    }
+    Ok(stone)
+}
+
 /// Returns vertices along `directions` from the centre of an ellipsoid, with exact ratios of extents and volume.
 fn nominal(directions: &[Vec3], [elongation, flatness]: [f64; 2], size: f64) -> Option<Vec<Vec3>> {
     let extents = [1.0 / elongation, 1.0, flatness];

@@ -150,3 +150,26 @@ fn impossible_shapes_are_refused() {
         assert!(error.to_string().contains(words), "{error}");
     }
 }
+
+#[test]
+fn stones_have_their_corners_and_a_nominal_diameter_of_one() {
+    let cube = |side: f64| -> Vec<Vec3> {
+        (0..8).map(|k| Vec3::from_fn(|i, _| if k >> i & 1 == 0 { 0.0 } else { side })).collect()
+    };
+    for side in [1e-3, 1.0, 50.0] {
+        let stone = stone_with_corners(&cube(side)).unwrap();
+        assert_eq!((stone.vertices.len(), stone.face_count()), (8, 6));
+        assert!((stone.nominal_diameter() - 1.0).abs() < 1e-12);
+    }
+    let message = |corners: &[Vec3]| stone_with_corners(corners).unwrap_err().to_string();
+    assert!(message(&cube(1.0)[..3]).contains("4 to 100 corners"));
+    let with_middle = [cube(1.0), vec![Vec3::repeat(0.5)]].concat();
+    assert!(message(&with_middle).contains("1 of 9"), "{}", message(&with_middle));
+    let mut blunt = cube(1.0);
+    blunt[7] -= Vec3::new(0.0, 0.0, 0.01);
+    blunt.push(Vec3::new(1.0, 0.99, 1.0));
+    blunt.push(Vec3::new(0.99, 1.0, 1.0));
+    assert!(message(&blunt).contains("3 %"), "{}", message(&blunt));
+    let flat: Vec<Vec3> = cube(1.0).iter().map(|c| Vec3::new(c.x, c.y, 0.0)).collect();
+    stone_with_corners(&flat).unwrap_err();
+}

@@ -74,7 +74,7 @@ impl BedPlan {
     }
 }
 
-/// Random ballast grains.
+/// Ballast grains: random ones, or given stones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GrainPlan {
     /// Size classes; their shares by number sum to 1. Either all of them or none are spread between sieves.
@@ -83,6 +83,8 @@ pub struct GrainPlan {
     pub shape: GrainShape,
     /// Number of different shapes, shared over the classes.
     pub templates: u32,
+    /// Corners of each given stone, in any unit; scaled to the sizes of the grains. Empty: random shapes.
+    pub stones: Vec<Vec<Vec3>>,
 }
 
 impl GrainPlan {

@@ -10,7 +10,9 @@
 
 use super::height_map::{Footprint, HeightMap, turned_bounds};
 use crate::error::{Error, Result};
-use crate::geometry::{AxisBox, Polyhedron, ShapeDescriptors, random_grain, random_rotation};
+use crate::geometry::{
+    AxisBox, Polyhedron, ShapeDescriptors, random_grain, random_rotation, stone_with_corners,
+};
 use crate::math::{Pose, Quat, Vec3};
 use crate::track::plan::{BedPlan, GrainPlan, SieveFraction, SizeClass};
 use rand::RngExt;
@@ -29,7 +31,32 @@ const CLEARANCE: f64 = 1e-5;
 /// Cells of the raster across the smallest grains.
 pub const CELLS_PER_GRAIN: f64 = 14.0;
 
-/// The random grain shapes of a bed and how often each is drawn.
+/// Source of the different shapes of a bed: random grains, or given stones in turn.
+struct ShapeSource<'a> {
+    grains: &'a GrainPlan,
+    /// Given stones of nominal diameter 1.
+    stones: Vec<Polyhedron>,
+    /// Number of shapes returned so far.
+    count: usize,
+}
+
+impl<'a> ShapeSource<'a> {
+    fn new(grains: &'a GrainPlan) -> Result<Self> {
+        let stones = grains.stones.iter().map(|corners| stone_with_corners(corners));
+        Ok(Self { grains, stones: stones.collect::<Result<_>>()?, count: 0 })
+    }
+
+    /// Returns the next shape, of nominal diameter `size` (m).
+    fn next(&mut self, rng: &mut Pcg64, size: f64) -> Result<Polyhedron> {
+        self.count += 1;
+        match self.stones.len() {
+            0 => random_grain(rng, &self.grains.shape, size),
+            n => Ok(self.stones[(self.count - 1) % n].scaled(size)),
+        }
+    }
+}
+
+/// The grain shapes of a bed and how often each is drawn.
 #[derive(Debug, Clone)]
 pub(super) struct Templates {
     /// First and one past last shape of each class.
@@ -53,12 +80,13 @@ impl Templates {
         if fractions.len() == bed.grains.classes.len() {
             return Self::generate_between_sieves(&bed.grains, &fractions, rng, shapes);
         }
+        let mut source = ShapeSource::new(&bed.grains)?;
         let mut classes = Vec::new();
         for &SizeClass { size, share, .. } in &bed.grains.classes {
             let count = (f64::from(bed.grains.templates) * share / total).round().max(1.0) as usize;
             let first = shapes.len();
             for _ in 0..count {
-                shapes.push(random_grain(rng, &bed.grains.shape, size)?);
+                shapes.push(source.next(rng, size)?);
             }
             classes.push((first, shapes.len()));
         }
@@ -76,12 +104,13 @@ impl Templates {
         shapes: &mut Vec<Polyhedron>,
     ) -> Result<Self> {
         let total: f64 = fractions.iter().map(|f| f.mass_share).sum();
+        let mut source = ShapeSource::new(grains)?;
         let (mut classes, mut shares) = (Vec::new(), Vec::new());
         for &SieveFraction { sieves: [low, high], mass_share } in fractions {
             let count = (f64::from(grains.templates) * mass_share / total).round().max(1.0);
             for k in 0..count as usize {
                 let sieve = low * libm::pow(high / low, (k as f64 + 0.5) / count);
-                let grain = random_grain(rng, &grains.shape, sieve)?;
+                let grain = source.next(rng, sieve)?;
                 let grain = grain.scaled(sieve / ShapeDescriptors::of(&grain).sieve_size);
                 classes.push((shapes.len(), shapes.len() + 1));
                 shares.push(mass_share / count / grain.volume);

@@ -23,6 +23,7 @@ fn bed(size: Vec3) -> BedPlan {
                 angularity: 0.5,
             },
             templates: 20,
+            stones: vec![],
         },
         friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: [0.8; 5] },
         stiffness: StiffnessPlan::default(),
@@ -175,4 +176,38 @@ fn a_box_narrower_than_a_grain_is_refused() {
     let mut height_map = height_map(&bed).unwrap();
     let found = pour(&mut height_map, &templates, &shapes, &bed.size, 0.001, &mut rng);
     assert!(found.unwrap_err().to_string().contains("bed.size"));
+}
+
+/// Corners of a brick and of a tetrahedron, in different units.
+fn given_stones() -> Vec<Vec<Vec3>> {
+    let brick = [[0, 0], [30, 0], [30, 40], [0, 40]]
+        .iter()
+        .flat_map(|[x, y]| [0.0, 20.0].map(|z| Vec3::new(f64::from(*x), f64::from(*y), z)));
+    let tetrahedron =
+        [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]].map(Vec3::from);
+    vec![brick.collect(), tetrahedron.to_vec()]
+}
+
+#[test]
+fn given_stones_are_taken_in_turn_and_scaled_to_the_sizes() {
+    let mut bed = bed(Vec3::new(0.3, 0.3, 0.3));
+    bed.grains.stones = given_stones();
+    bed.grains.templates = 6;
+    let mut rng = Pcg64::seed_from_u64(1);
+    let mut shapes = Vec::new();
+    Templates::generate(&bed, &mut rng, &mut shapes).unwrap();
+    // Of 6 shapes: 3, 2 and 1 of the classes.
+    let sizes = [0.025, 0.025, 0.025, 0.0375, 0.0375, 0.05];
+    assert_eq!(shapes.len(), sizes.len());
+    for (k, (shape, size)) in shapes.iter().zip(sizes).enumerate() {
+        assert_eq!(shape.vertices.len(), [8, 4][k % 2]);
+        assert!((shape.nominal_diameter() / size - 1.0).abs() < 1e-12, "shape {k}");
+    }
+
+    bed.grains.classes = classes_of_grading(&[[0.0224, 0.0], [0.0315, 0.4], [0.05, 1.0]]);
+    shapes.clear();
+    Templates::generate(&bed, &mut rng, &mut shapes).unwrap();
+    let sieves: Vec<f64> = shapes.iter().map(|s| ShapeDescriptors::of(s).sieve_size).collect();
+    assert!(sieves.iter().all(|s| (0.0224..=0.05).contains(s)), "{sieves:?}");
+    assert_eq!(shapes.iter().filter(|s| s.vertices.len() == 8).count(), shapes.len().div_ceil(2));
 }

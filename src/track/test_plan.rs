@@ -31,6 +31,7 @@ pub fn small_plan() -> Plan {
                     angularity: 0.5,
                 },
                 templates: 4,
+                stones: vec![],
             },
             friction: FrictionPlan { grain: 1.0, sleeper: 1.0, tine: 1.0, boundary: [0.8; 5] },
             stiffness: StiffnessPlan::default(),

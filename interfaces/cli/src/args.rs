@@ -71,7 +71,9 @@ pub enum Command {
     /// Run a case many times with varied values, in parallel
     Sweep(SweepArgs),
     /// Print a summary of a bed, a checkpoint, results or the folder of a run
-    Inspect(InspectArgs),
+    Inspect(crate::commands::inspect::InspectArgs),
+    /// Make stones of a case from surface meshes, such as scans
+    Stones(crate::commands::stones::StonesArgs),
     /// Write an HTML report of a run: pictures, compactness, forces, energy, quality, settings
     Report(ReportArgs),
     /// Measure support stiffness or lateral resistance of a sleeper on its bed
@@ -287,12 +289,6 @@ pub struct SweepArgs {
 pub struct CheckArgs {
     /// Case file (TOML)
     pub case: PathBuf,
-}
-
-#[derive(Debug, Args)]
-pub struct InspectArgs {
-    /// Bed, checkpoint or results file, or the folder of a run
-    pub file: PathBuf,
 }
 
 #[derive(Debug, Args)]

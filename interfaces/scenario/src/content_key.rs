@@ -118,7 +118,7 @@ impl ContentHasher {
     }
 
     fn grains(&mut self, grains: &GrainPlan) {
-        let GrainPlan { classes, shape, templates } = grains;
+        let GrainPlan { classes, shape, templates, stones } = grains;
         let GrainShape { elongation, flatness, vertices, angularity } = shape;
         self.integer(classes.len() as u64);
         for SizeClass { size, share, fraction } in classes {
@@ -131,6 +131,10 @@ impl ContentHasher {
         vertices.iter().for_each(|v| self.integer(u64::from(*v)));
         self.number(*angularity);
         self.integer(u64::from(*templates));
+        for corners in stones {
+            self.integer(corners.len() as u64);
+            corners.iter().for_each(|corner| self.numbers(corner));
+        }
     }
 
     fn preparation(&mut self, preparation: &PreparationPlan) {

@@ -102,6 +102,11 @@ pub fn grains(grains: &case_file::GrainsSection) -> GrainPlan {
             angularity: grains.angularity,
         },
         templates: grains.shape_count,
+        stones: grains
+            .stones
+            .iter()
+            .map(|stone| stone.corners.iter().map(|c| Vec3::from(*c)).collect())
+            .collect(),
     }
 }
 

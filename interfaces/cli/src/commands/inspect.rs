@@ -1,11 +1,18 @@
 //! `ballast inspect FILE`: summary of a bed, checkpoint or results file.
 
 use super::expected_file::ExpectedFile;
-use crate::args::InspectArgs;
 use crate::console::Console;
 use ballast_session::run_files::RunFiles;
 use ballast_session::stones::{stones_json, stones_text};
 use ballast_session::{Reporter, Result};
+use clap::Args;
+use std::path::PathBuf;
+
+#[derive(Debug, Args)]
+pub struct InspectArgs {
+    /// Bed, checkpoint or results file, or the folder of a run
+    pub file: PathBuf,
+}
 
 pub fn inspect(args: InspectArgs, console: Console) -> Result {
     let file = ExpectedFile::Any.find(&args.file)?;

@@ -15,6 +15,7 @@ pub mod run;
 pub mod schema;
 pub mod solve;
 mod solve_table;
+pub mod stones;
 pub mod sweep;
 pub mod validate;
 pub mod verify;

@@ -182,3 +182,27 @@ fn schema_and_completions_are_printed() {
     }
     place.call("completions sh").with_code(2);
 }
+
+#[test]
+fn stones_of_meshes_become_part_of_a_case() {
+    let place = Place::new();
+    let mesh = "v 0 0 0\nv 4 0 0\nv 0 3 0\nv 0 0 2\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    std::fs::write(place.path("rock.obj"), mesh).unwrap();
+    let printed = place.call("stones rock.obj --out stones.toml").with_code(0).stdout();
+    assert!(printed.contains("rock.obj") && printed.contains("100.0 %"), "{printed}");
+    let event = &place.call("stones rock.obj --json").with_code(0).events()[0];
+    assert_eq!((&event["mesh_volume"], &event["volume"]), (&4.0.into(), &4.0.into()));
+    let stones = place.text("stones.toml");
+    let case = "name = \"rocks\"\n[bed]\nsize_m = [0.15, 0.15, 0.3]\nsleeper_underside_z_m = 0.1\n\
+                [run]\nduration_s = 0.001\n";
+    std::fs::write(place.path("rocks.toml"), format!("{case}{stones}")).unwrap();
+    place.call("prepare rocks.toml --bed-cache beds").with_code(0);
+
+    // Of stones, and of nothing else.
+    place.call("stones rock.obj --out stones.toml").with_code(0);
+    let message = place.call("stones rock.obj --out rocks.toml").with_code(1).stderr();
+    assert!(message.contains("rocks.toml") && message.contains("another file"), "{message}");
+    let message = place.call("stones rock.obj tiny.toml").with_code(1).stderr();
+    assert!(message.contains("tiny.toml") && message.contains(".stl, .obj or .ply"), "{message}");
+    assert_eq!(place.text("stones.toml"), stones);
+}

@@ -122,7 +122,7 @@ pub struct TrafficSection {
     pub settlement_limit_m: f64,
 }
 
-/// Random ballast grains: convex hulls of points on ellipsoids.
+/// Ballast grains: convex hulls of random points on ellipsoids, or given stones.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct GrainsSection {
@@ -150,6 +150,20 @@ pub struct GrainsSection {
     /// Number of different grain shapes, distributed over the size classes.
     #[schemars(with = "ShapeCount")]
     pub shape_count: u32,
+    /// Stones of which the bed consists, in turn and scaled to its sizes. `ballast stones` makes them from surface meshes.
+    /// Absent: random shapes.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 1000))]
+    pub stones: Vec<StoneSection>,
+}
+
+/// A convex stone.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct StoneSection {
+    /// Corners, each with x, y and z, in any unit of length.
+    #[schemars(length(min = 4, max = 100))]
+    pub corners: Vec<[f64; 3]>,
 }
 
 impl Default for GrainsSection {
@@ -163,6 +177,7 @@ impl Default for GrainsSection {
             vertices: [8, 40],
             angularity: 0.5,
             shape_count: 60,
+            stones: vec![],
         }
     }
 }

@@ -4,6 +4,9 @@ use crate::case_file::{BedSection, CaseFile, GrainsSection};
 use crate::check::machine::load_range;
 use crate::diagnostic::DiagnosticText;
 use crate::report::DiagnosticReport;
+use ballast::error::Error;
+use ballast::geometry::stone_with_corners;
+use ballast::math::Vec3;
 use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS, StiffnessPlan};
 use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MAX_CELLS, MAX_GRAINS};
 
@@ -23,6 +26,7 @@ pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
     grading(&case.bed, report);
     axes(&case.bed, report);
     counts(&case.bed, report);
+    stones(&case.bed, report);
     levels(case, fill_level, report);
     grain_number(&case.bed, plan, report);
     pouring_step(&case.bed, report);
@@ -162,6 +166,48 @@ fn counts(bed: &BedSection, report: &mut DiagnosticReport) {
             hint: None,
         };
         report.error("bed.grains.shape_count", text);
+    }
+}
+
+/// Checks the given stones, and that they are all used and stand alone.
+fn stones(bed: &BedSection, report: &mut DiagnosticReport) {
+    let key = "bed.grains.stones";
+    let stones = &bed.grains.stones;
+    if stones.is_empty() || !report.is_clean(&[key]) {
+        return;
+    }
+    for (k, stone) in stones.iter().enumerate() {
+        let corners: Vec<Vec3> = stone.corners.iter().map(|c| Vec3::from(*c)).collect();
+        if let Err(Error::Geometry { expected, found }) = stone_with_corners(&corners) {
+            let text = DiagnosticText {
+                problem: "these corners make no stone".into(),
+                found,
+                expected: expected.into(),
+                hint: Some("`ballast stones` chooses corners from a surface mesh".into()),
+            };
+            report.error(&format!("{key}[{k}].corners"), text);
+        }
+    }
+    if (bed.grains.shape_count as usize) < stones.len() {
+        let text = DiagnosticText {
+            problem: "fewer shapes than stones".into(),
+            found: bed.grains.shape_count.to_string(),
+            expected: format!("at least {}, one for each stone", stones.len()),
+            hint: None,
+        };
+        report.error(report.written_key(&["bed.grains.shape_count", key]), text);
+    }
+    for name in ["vertices", "elongation", "flatness", "angularity"] {
+        let other = format!("bed.grains.{name}");
+        if report.document.has(&other) {
+            let text = DiagnosticText {
+                problem: "the shapes of the grains are given twice".into(),
+                found: format!("`stones` and `{name}` of random shapes"),
+                expected: "one of them".into(),
+                hint: Some(format!("remove `{name}`: stones have their own")),
+            };
+            report.error(&other, text);
+        }
     }
 }
 

@@ -130,6 +130,21 @@ const TABLE: &[Broken] = &[
     Broken("[8, 40]", "«[40, 8]", &["above its maximum", "write [8, 40]"]),
     Broken("vertices = [8, 40]", "elongation = «[0.95, 0.1]", &["grain shapes", "1.050"]),
     Broken("vertices = [8, 40]", "shape_count = «1", &["fewer shapes", "at least 2"]),
+    Broken(
+        "vertices = [8, 40]",
+        "stones = [{ corners = «[[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.1, 0.1, 0.1]] }]",
+        &["no stone", "1 of 5", "ballast stones"],
+    ),
+    Broken(
+        "vertices = [8, 40]",
+        "vertices = «[8, 40]\nstones = [{ corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]] }]",
+        &["given twice", "remove `vertices`"],
+    ),
+    Broken(
+        "vertices = [8, 40]",
+        "stones = [{ corners = «[[0, 0, 0], [1, 0, 0], [0, 1, 0]] }]",
+        &["wrong number of entries", "stones[0].corners"],
+    ),
     Broken("[0.60, 0.70, 0.45]", "«[600, 700, 450]", &["too large", "grains", "metres"]),
     Broken(
         "size_m = [0.60, 0.70, 0.45]",

@@ -1,0 +1,96 @@
+//! Choice of few corners whose hull fills most of a convex stone.
+
+use ballast::geometry::{convex_hull, stone_with_corners};
+use ballast::math::Vec3;
+use std::f64::consts::PI;
+
+/// Largest number of points of which all are candidates.
+const MAX_CANDIDATES: usize = 4000;
+/// Largest number of points that are tried as the next corner.
+const MAX_ATTEMPTS: usize = 200;
+/// Height of a point above the chosen hull, over the half size of the points, below which it adds nothing.
+const MIN_HEIGHT: f64 = 1e-3;
+
+/// Corners of a stone.
+pub struct ChosenCorners {
+    /// Corners, in the unit of the points.
+    pub corners: Vec<Vec3>,
+    /// Volume of the stone, in the unit of the points.
+    pub volume: f64,
+}
+
+/// Returns at most `most` corners of a stone inside the hull of `points`; `None` if there is no such stone.
+///
+/// The farthest points are chosen first, so that the hull grows as fast as it can. Points that would make edges too short or faces
+/// too narrow for contact detection are passed over.
+pub fn choose_corners(points: &[Vec3], most: usize) -> Option<ChosenCorners> {
+    let mut chosen = tetrahedron(points)?.to_vec();
+    let half_size = 0.5 * (chosen[1] - chosen[0]).norm();
+    let mut found = stone(&chosen)?;
+    while chosen.len() < most {
+        let (hull, frame) = convex_hull(&chosen).ok()?;
+        let height = |p: &Vec3| {
+            let local = frame.inverse_point(p);
+            let planes = hull.face_normals.iter().zip(&hull.face_offsets);
+            planes.map(|(n, offset)| n.dot(&local) - offset).fold(f64::NEG_INFINITY, f64::max)
+        };
+        let mut above: Vec<(f64, &Vec3)> = points.iter().map(|p| (height(p), p)).collect();
+        above.retain(|(height, _)| *height > MIN_HEIGHT * half_size);
+        above.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let next = above.iter().take(MAX_ATTEMPTS).find_map(|(_, p)| {
+            let more = [&chosen[..], &[**p]].concat();
+            stone(&more).map(|stone| (more, stone))
+        });
+        let Some((more, stone)) = next else { break };
+        (chosen, found) = (more, stone);
+    }
+    Some(found)
+}
+
+/// Returns the stone with the given corners; `None` if contact detection cannot use it, or if some of them are inside.
+fn stone(corners: &[Vec3]) -> Option<ChosenCorners> {
+    let corners: Vec<Vec3> = corners.iter().map(|c| c.map(rounded)).collect();
+    stone_with_corners(&corners).ok()?;
+    let (hull, _) = convex_hull(&corners).ok()?;
+    Some(ChosenCorners { corners, volume: hull.volume })
+}
+
+/// Rounds to the digits of a single-precision number, which few decimals write.
+fn rounded(x: f64) -> f64 {
+    // A printed number can be read.
+    (x as f32).to_string().parse().unwrap_or(x)
+}
+
+/// Returns the points that lie farthest in one of many directions, or all if they are few.
+pub fn extreme_points(points: &[Vec3]) -> Vec<Vec3> {
+    if points.len() <= MAX_CANDIDATES {
+        return points.to_vec();
+    }
+    let golden_angle = PI * (3.0 - 5f64.sqrt());
+    let mut found: Vec<usize> = (0..MAX_CANDIDATES)
+        .filter_map(|k| {
+            let z = 1.0 - (2 * k + 1) as f64 / MAX_CANDIDATES as f64;
+            let (radius, angle) = ((1.0 - z * z).sqrt(), k as f64 * golden_angle);
+            let direction = Vec3::new(radius * angle.cos(), radius * angle.sin(), z);
+            let height = |i: &usize| direction.dot(&points[*i]);
+            (0..points.len()).max_by(|a, b| height(a).total_cmp(&height(b)))
+        })
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    found.iter().map(|k| points[*k]).collect()
+}
+
+/// Returns four points that are far from each other.
+fn tetrahedron(points: &[Vec3]) -> Option<[Vec3; 4]> {
+    let farthest = |distance: &dyn Fn(&Vec3) -> f64| {
+        points.iter().copied().max_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    let middle = points.iter().sum::<Vec3>() / points.len().max(1) as f64;
+    let a = farthest(&|p| (p - middle).norm())?;
+    let b = farthest(&|p| (p - a).norm())?;
+    let c = farthest(&|p| (p - a).cross(&(b - a)).norm())?;
+    let normal = (b - a).cross(&(c - a));
+    let d = farthest(&|p| (p - a).dot(&normal).abs())?;
+    Some([a, b, c, d])
+}
