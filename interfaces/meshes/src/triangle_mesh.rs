@@ -25,21 +25,23 @@ impl TriangleMesh {
     /// # Errors
     /// Files that cannot be opened, other extensions, content that is no mesh, coordinates that are not finite.
     pub fn read(path: &Path) -> Result<Self, MeshError> {
-        let content = |expected: &str, found: &dyn Display| MeshError::Content {
+        let content = |expected: &str, found: &str| MeshError::Content {
             path: path.into(),
             expected: expected.into(),
-            found: found.to_string(),
+            // Readers tell reasons in lines.
+            found: found.split_whitespace().collect::<Vec<_>>().join(" "),
         };
         let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
         let read: fn(BufReader<File>) -> Result<Self, String> = match extension.as_str() {
             "stl" => from_stl,
             "obj" => from_obj,
             "ply" => from_ply,
-            _ => return Err(content("a mesh: .stl, .obj or .ply", &format!(".{extension}"))),
+            "" => return Err(content("a mesh: .stl, .obj or .ply", "no extension")),
+            other => return Err(content("a mesh: .stl, .obj or .ply", &format!(".{other}"))),
         };
         let file =
             File::open(path).map_err(|source| MeshError::Open { path: path.into(), source })?;
-        let expected = format!("a {} mesh", extension.to_uppercase());
+        let expected = format!("a mesh in the format {}", extension.to_uppercase());
         let mesh = read(BufReader::new(file)).map_err(|found| content(&expected, &found))?;
         if let Some(k) = mesh.points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
             return Err(content(
