@@ -90,7 +90,7 @@ fn the_compliant_seven_sleepers_differ_by_contacts_step_and_solver() {
     assert!(compliant.run.solver.tolerance.is_some());
     compliant.name = rigid.name.clone();
     compliant.bed.stiffness = rigid.bed.stiffness;
-    compliant.run = rigid.run.clone();
+    compliant.run = rigid.run;
     assert_eq!(compliant, rigid);
 }
 
