@@ -124,7 +124,7 @@ pub struct RunArgs {
     pub overrides: OverrideArgs,
     #[command(flatten)]
     pub stop: StopAt,
-    /// Replace an unfinished run or the run of another case in the folder
+    /// Replace an unfinished or a longer run, or the run of another case, in the folder
     #[arg(long)]
     pub force: bool,
     /// Record the run in this MCAP file, which is replaced

@@ -342,6 +342,9 @@ impl CaseRun {
         }
         self.console.event("done", summary);
         self.console.result(&self.text(&hash));
+        if let Some(text) = summary_text::depth_warning(self.recorder.summary()) {
+            self.console.warning(&text);
+        }
         match expected {
             Some(expected) if expected != state => Err(Failure::Mismatch(format!(
                 "the final state has hash {hash}, expected {expected:032x}"

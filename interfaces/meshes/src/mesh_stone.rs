@@ -42,7 +42,8 @@ impl MeshStone {
             found,
         };
         let points = extreme_points(&mesh.points);
-        let (hull, _) = convex_hull(&points).map_err(|e| no_stone(e.to_string()))?;
+        let (hull, _) = convex_hull(&points)
+            .map_err(|_| no_stone("points nearly in one plane, or hardly any".into()))?;
         let chosen = choose_corners(&points, most);
         let Some(ChosenCorners { corners, volume }) = chosen else {
             return Err(no_stone("a flat or needle-shaped one".into()));
@@ -90,8 +91,8 @@ impl MeshStone {
     pub fn toml(&self) -> String {
         let ShapeDescriptors { length, width, thickness, sphericity, .. } = self.descriptors;
         let mut text = format!(
-            "# {}: {} corners, {:.1} % of the volume of the hull; L, I, S = {length:.2}, {width:.2}, {thickness:.2}, \
-             sphericity {sphericity:.2}\n[[bed.grains.stones]]\ncorners = [\n",
+            "# {}: {} corners, {:.1} % of the volume of the hull; L, I, S = {length:.2}, {width:.2}, {thickness:.2} \
+             nominal diameters, sphericity {sphericity:.2}\n[[bed.grains.stones]]\ncorners = [\n",
             self.name,
             self.corners.len(),
             100.0 * self.volume / self.hull_volume,

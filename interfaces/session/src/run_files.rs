@@ -251,6 +251,22 @@ impl RunFiles {
         }
     }
 
+    /// Checks that the folder contains no finished run of more than `steps` steps.
+    ///
+    /// # Errors
+    /// A folder with a finished run of more steps.
+    pub fn refuse_longer(&self, steps: u64) -> Result {
+        let found = self.complete_summary().and_then(|summary| summary["steps"].as_u64());
+        match found {
+            Some(found) if found > steps => Err(Failure::Usage(format!(
+                "{} contains a finished run of {found} steps, which one of {steps} would replace; choose another folder with \
+                 --out, or replace it with --force",
+                self.folder.display()
+            ))),
+            _ => Ok(()),
+        }
+    }
+
     /// Checks that the folder contains no finished run, which a replay would replace.
     ///
     /// # Errors

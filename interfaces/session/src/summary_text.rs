@@ -14,6 +14,17 @@ pub const NO_TOLERANCE: &str = "no tolerance set";
 /// Distance to a target that is not reported, m: deflection of a mount.
 const TARGET_TOLERANCE_M: f64 = 1e-3;
 
+/// Returns a warning of a tine that ended more than a mean grain size above its depth; `None` if there is none.
+pub fn depth_warning(summary: &RunSummary) -> Option<String> {
+    let above = summary.depth_shortfalls().into_iter().fold(0.0, f64::max);
+    (above > summary.settings().grain_size).then(|| {
+        format!(
+            "a tine ended {:.0} mm above its depth: jammed, or held by `tamping.insertion.force_limit_N`",
+            1e3 * above
+        )
+    })
+}
+
 /// Returns the summary as a text of several tables.
 pub fn text(summary: &RunSummary) -> String {
     let tables = tables(summary);

@@ -39,7 +39,7 @@ def _axes(ax: Axes | None, title: str, x: str, y: str) -> Axes:
 def _legend(ax: Axes) -> None:
     """Adds a legend, unless the axes are empty: matplotlib would warn."""
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(fontsize="small")
+        ax.legend(fontsize="small", loc="best", framealpha=0.5)
 
 
 def tines(run: Run) -> list[str]:
@@ -61,9 +61,11 @@ def compactness(run: Run, ax: Axes | None = None) -> Axes:
     """Plots the compactness of each zone over time; returns the axes."""
     table = _results(run).table("zones")
     ax = _axes(ax, "Compactness", "time, s", "solid over accessible volume")
-    for name, values in table.items():
-        if name not in ("step", "time"):
-            ax.plot(table["time"], values, label=name)
+    zones = [name for name in table if name not in ("step", "time")]
+    for name in zones:
+        ax.plot(table["time"], table[name], label=name)
+    if not zones:
+        ax.text(0.5, 0.5, "no zones: no sleeper is tamped", ha="center", va="center", transform=ax.transAxes)
     _legend(ax)
     return ax
 

@@ -40,9 +40,12 @@ pub fn stones(args: StonesArgs, console: Console) -> Result {
         toml += &stone.toml();
     }
     console.result(&table.text());
-    if let Some(out) = &args.out {
-        replace_text(out, &toml)?;
-        console.result(&out.display().to_string());
+    match &args.out {
+        Some(out) => {
+            replace_text(out, &toml)?;
+            console.result(&out.display().to_string());
+        }
+        None => console.note("--out FILE writes the stones for a case"),
     }
     Ok(())
 }

@@ -53,13 +53,18 @@ fn what_cannot_be_begun_costs_nothing() {
         assert_eq!(place.text("run/summary.json"), summary, "{more}");
         place.call(&format!("resume run/checkpoint.h5 --expect-hash {hash}")).with_code(0);
     }
+    // A look at the first steps of a run that is there.
+    let said = place.run("--out run --steps 5").with_code(2).stderr();
+    let longer = format!("finished run of {STEPS} steps");
+    assert!(said.contains(&longer) && said.contains("--force"), "{said}");
+    assert_eq!((place.text("run/summary.json"), place.hash("run")), (summary, hash.clone()));
     // Stopped by --steps, to be continued.
     place.run("--out part --steps 20").with_code(0);
     let said = place.run("--out part --steps 30").with_code(2).stderr();
     assert!(said.contains("unfinished run") && said.contains("ballast resume"), "{said}");
     place.call("resume part/checkpoint.h5").with_code(0);
     assert_eq!(place.hash("part"), hash);
-    place.run("--out part --steps 20").with_code(0);
+    place.run("--out part --steps 20 --force").with_code(0);
     place.run("--out part --steps 30 --force").with_code(0);
     // A recording is written by one process.
     let lock = File::create(place.path("taken.mcap")).unwrap();

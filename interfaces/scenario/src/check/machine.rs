@@ -206,7 +206,7 @@ fn above_grains(
         expected: format!(
             "at least {highest:.4} m, the height to which grains may stick out of the prepared bed"
         ),
-        hint: None,
+        hint: Some("`tamping.insertion.clearance_m` lifts the tines before they begin".into()),
     };
     let keys = ["tamping.insertion.clearance_m", "bed.grains.classes"];
     report.warn(report.written_key(&keys), text);
