@@ -21,7 +21,7 @@ pub struct MeshStone {
     pub hull_volume: f64,
     /// Volume of the stone, which lies inside the hull.
     pub volume: f64,
-    /// Corners of the stone.
+    /// Corners of the stone, around its middle.
     pub corners: Vec<Vec3>,
     /// Descriptors of the stone; lengths over its nominal diameter.
     pub descriptors: ShapeDescriptors,
@@ -41,7 +41,10 @@ impl MeshStone {
             expected: "a surface around a volume".into(),
             found,
         };
-        let points = extreme_points(&mesh.points);
+        let mut points = extreme_points(&mesh.points);
+        // Scans may lie far from their origin.
+        let middle = points.iter().sum::<Vec3>() / points.len() as f64;
+        points.iter_mut().for_each(|p| *p -= middle);
         let (hull, _) = convex_hull(&points)
             .map_err(|_| no_stone("points nearly in one plane, or hardly any".into()))?;
         let chosen = choose_corners(&points, most);

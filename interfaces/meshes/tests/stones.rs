@@ -168,6 +168,21 @@ fn more_corners_fill_more_of_a_scan() {
 }
 
 #[test]
+fn a_scan_far_from_its_origin_keeps_its_form() {
+    let points = POINTS.map(|[x, y, z]| {
+        let [x, y, z] = [x, y, z].map(f64::from);
+        format!("{} {} {}\n", 4.5e5 + 0.02 * x, 5.4e6 + 0.02 * y, 90.0 + 0.02 * z)
+    });
+    let faces = FACES.map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}\n")).concat();
+    let header = ply_header("ascii").replace("float", "double");
+    let place = Place::new();
+    let stone =
+        MeshStone::read(&place.file("far.ply", header + &points.concat() + &faces), 30).unwrap();
+    assert_eq!(stone.corners.len(), 8);
+    assert!((stone.volume / (6.0 * 8e-6) - 1.0).abs() < 1e-6, "{}", stone.volume);
+}
+
+#[test]
 fn an_open_surface_has_no_volume() {
     let place = Place::new();
     let file = place.file("open.stl", stl_text(&triangles()[..11]));
