@@ -46,7 +46,7 @@ fn a_page_tells_a_whole_run_by_itself() {
     assert_eq!(place.text("again.html"), page);
 
     // A new run removes the report, but no other page of that name.
-    place.run("--out run --steps 3").with_code(0);
+    place.run("--out run --steps 3 --force").with_code(0);
     assert!(!place.path("run/report.html").exists());
     std::fs::write(place.path("run/report.html"), "mine").unwrap();
     place.run("--out run --steps 3 --force").with_code(0);

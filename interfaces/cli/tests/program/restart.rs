@@ -208,7 +208,7 @@ fn an_unfinished_run_is_not_overwritten_by_mistake() {
     assert!(refused.stderr().contains("another case"), "{}", refused.stderr());
     assert_eq!(place.summary("here")["steps"], 20);
     std::fs::write(place.path("tiny.toml"), case).unwrap();
-    place.run("--out here --steps 10").with_code(0);
+    place.run("--out here --steps 10 --force").with_code(0);
 
     // Nor a case, nor results, by a recording.
     for (file, code, says) in [

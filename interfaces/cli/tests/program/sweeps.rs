@@ -148,7 +148,9 @@ fn a_point_that_ended_before_its_end_is_no_result_and_goes_on() {
     let place = place("case = 'tiny.toml'\n[grid]\n'solver.max_iterations' = [20, 30]");
     place.with_beds("sweep plan.toml").with_code(0);
     let whole = place.text("runs/plan/table.csv");
-    place.with_beds("run runs/plan/00001/case.toml --out runs/plan/00001 --steps 40").with_code(0);
+    place
+        .with_beds("run runs/plan/00001/case.toml --out runs/plan/00001 --steps 40 --force")
+        .with_code(0);
     place.with_beds("sweep plan.toml --point 2").with_code(0);
     assert_eq!(table(&place).iter().map(|r| cell(r, "number")).collect::<Vec<_>>(), ["2"]);
     let again = place.with_beds("sweep plan.toml").with_code(0);
