@@ -238,6 +238,10 @@ def test_code_blocks_of_the_documents(place: Path, code: str) -> None:
             pytest.skip(f"{program} is not built")
         called = [program, "run", "examples/first.toml", "--steps", "30", "--out", "runs/look"]
         subprocess.run(called, check=True, capture_output=True, cwd=place)
+    if "runs/slice_beds" in code:
+        (place / "runs/slice_beds").mkdir(parents=True)
+        table = "number,bed.seed,compactness.under/sleeper_1.after\n1,1,0.60\n2,2,0.59\n"
+        (place / "runs/slice_beds/table.csv").write_text(table)
     # As it is shown: processes that a study begins import this file. Imports are said once in a page.
     (place / "shown.py").write_text(f"import ballast\n{code}")
     done = subprocess.run([sys.executable, "shown.py"], capture_output=True, text=True, cwd=place)
