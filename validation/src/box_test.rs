@@ -12,7 +12,7 @@ use std::path::Path;
 
 const CASE: &str = include_str!("box.toml");
 /// Number of load cycles before tamping in the quick check.
-const QUICK_CYCLES: u32 = 5;
+const QUICK_CYCLES: u32 = 8;
 /// Number of cycles that are compared before and after tamping.
 const COMPARED: usize = 10;
 
@@ -110,7 +110,7 @@ pub fn box_test(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::specimen::{STIFFNESS, STONE_FRICTION, STONES};
+    use crate::specimen::{STIFFNESS, STONE_FRICTION, STONE_SHAPE};
     use ballast_scenario::read_case;
 
     #[test]
@@ -123,7 +123,7 @@ mod tests {
             (test.friction.grain, test.stiffness.grain),
             (slice.friction.grain, slice.stiffness.grain)
         );
-        assert_eq!((STONES, STONE_FRICTION), (slice.grains.shape, slice.friction.grain));
+        assert_eq!((STONE_SHAPE, STONE_FRICTION), (slice.grains.shape, slice.friction.grain));
         assert_eq!(STIFFNESS.normal, slice.stiffness.grain.normal);
     }
 }

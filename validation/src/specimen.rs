@@ -10,7 +10,7 @@ use ballast_session::Result;
 use rand::RngExt;
 
 /// Shape of the stones, with flat and long ones among them as in quarried ballast.
-pub const STONES: GrainShape = GrainShape {
+pub const STONE_SHAPE: GrainShape = GrainShape {
     vertices: [7, 14],
     elongation: [0.72, 0.20],
     flatness: [0.70, 0.25],
@@ -69,7 +69,7 @@ pub fn column(base: [f64; 2], height: f64, seed: u64) -> Result<World> {
         // Equal shares of mass for equal ratios: the number density falls with the fourth power of the size.
         let [low, high] = SIZES.map(|d| d.powi(-3));
         let size = (high + (low - high) * rng.random::<f64>()).powf(-1.0 / 3.0);
-        let stone = random_grain(&mut rng, &STONES, size)?;
+        let stone = random_grain(&mut rng, &STONE_SHAPE, size)?;
         missing -= stone.volume;
         let radius = stone.radius;
         stones.push((world.shape(stone), radius));
