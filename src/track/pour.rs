@@ -11,12 +11,15 @@
 use super::height_map::{Footprint, HeightMap, turned_bounds};
 use crate::error::{Error, Result};
 use crate::geometry::{
-    AxisBox, Polyhedron, ShapeDescriptors, random_grain, random_rotation, stone_with_corners,
+    AxisBox, GrainShape, Polyhedron, ShapeDescriptors, random_grain, random_rotation,
+    stone_with_corners,
 };
 use crate::math::{Pose, Quat, Vec3};
 use crate::track::plan::{BedPlan, GrainPlan, SieveFraction, SizeClass};
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use std::iter::Cycle;
+use std::vec::IntoIter;
 
 /// Places tried for each grain; more make a denser and more even bed.
 const PLACEMENT_ATTEMPTS: usize = 100;
@@ -31,27 +34,25 @@ const CLEARANCE: f64 = 1e-5;
 /// Cells of the raster across the smallest grains.
 pub const CELLS_PER_GRAIN: f64 = 14.0;
 
-/// Source of the different shapes of a bed: random grains, or given stones in turn.
-struct ShapeSource<'a> {
-    grains: &'a GrainPlan,
+/// Source of the different shapes of a bed: given stones in turn, or random grains.
+struct ShapeSource {
+    random: GrainShape,
     /// Given stones of nominal diameter 1.
-    stones: Vec<Polyhedron>,
-    /// Number of shapes returned so far.
-    count: usize,
+    stones: Cycle<IntoIter<Polyhedron>>,
 }
 
-impl<'a> ShapeSource<'a> {
-    fn new(grains: &'a GrainPlan) -> Result<Self> {
+impl ShapeSource {
+    fn new(grains: &GrainPlan) -> Result<Self> {
         let stones = grains.stones.iter().map(|corners| stone_with_corners(corners));
-        Ok(Self { grains, stones: stones.collect::<Result<_>>()?, count: 0 })
+        let stones: Vec<Polyhedron> = stones.collect::<Result<_>>()?;
+        Ok(Self { random: grains.shape, stones: stones.into_iter().cycle() })
     }
 
     /// Returns the next shape, of nominal diameter `size` (m).
     fn next(&mut self, rng: &mut Pcg64, size: f64) -> Result<Polyhedron> {
-        self.count += 1;
-        match self.stones.len() {
-            0 => random_grain(rng, &self.grains.shape, size),
-            n => Ok(self.stones[(self.count - 1) % n].scaled(size)),
+        match self.stones.next() {
+            Some(stone) => Ok(stone.scaled(size)),
+            None => random_grain(rng, &self.random, size),
         }
     }
 }
