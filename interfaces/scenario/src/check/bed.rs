@@ -6,7 +6,6 @@ use crate::diagnostic::DiagnosticText;
 use crate::report::DiagnosticReport;
 use ballast::error::Error;
 use ballast::geometry::stone_with_corners;
-use ballast::math::Vec3;
 use ballast::track::plan::{BedPlan, EXPECTED_COMPACTNESS, StiffnessPlan};
 use ballast::track::{CELLS_PER_GRAIN, FALL_SPEED, MAX_CELLS, MAX_GRAINS};
 
@@ -26,7 +25,7 @@ pub fn bed(case: &CaseFile, plan: &BedPlan, report: &mut DiagnosticReport) {
     grading(&case.bed, report);
     axes(&case.bed, report);
     counts(&case.bed, report);
-    stones(&case.bed, report);
+    stones(&case.bed, plan, report);
     levels(case, fill_level, report);
     grain_number(&case.bed, plan, report);
     pouring_step(&case.bed, report);
@@ -170,15 +169,14 @@ fn counts(bed: &BedSection, report: &mut DiagnosticReport) {
 }
 
 /// Checks the given stones, and that they are all used and stand alone.
-fn stones(bed: &BedSection, report: &mut DiagnosticReport) {
+fn stones(bed: &BedSection, plan: &BedPlan, report: &mut DiagnosticReport) {
     let key = "bed.grains.stones";
-    let stones = &bed.grains.stones;
+    let stones = &plan.grains.stones;
     if stones.is_empty() || !report.is_clean(&[key]) {
         return;
     }
-    for (k, stone) in stones.iter().enumerate() {
-        let corners: Vec<Vec3> = stone.corners.iter().map(|c| Vec3::from(*c)).collect();
-        if let Err(Error::Geometry { expected, found }) = stone_with_corners(&corners) {
+    for (k, corners) in stones.iter().enumerate() {
+        if let Err(Error::Geometry { expected, found }) = stone_with_corners(corners) {
             let text = DiagnosticText {
                 problem: "these corners make no stone".into(),
                 found,
