@@ -1,7 +1,7 @@
 //! Choice of few corners whose hull fills most of a convex stone.
 
-use ballast::geometry::{convex_hull, stone_with_corners};
-use ballast::math::Vec3;
+use ballast::geometry::{Polyhedron, convex_hull, stone_with_corners};
+use ballast::math::{Pose, Vec3};
 use std::f64::consts::PI;
 
 /// Largest number of points of which all are candidates.
@@ -9,14 +9,15 @@ const MAX_CANDIDATES: usize = 4000;
 /// Largest number of points that are tried as the next corner.
 const MAX_ATTEMPTS: usize = 200;
 /// Height of a point above the chosen hull, over the half size of the points, below which it adds nothing.
-const MIN_HEIGHT: f64 = 1e-3;
+const MIN_CORNER_HEIGHT: f64 = 1e-3;
 
-/// Corners of a stone.
+/// Corners of a stone and their hull, in the unit of the points.
 pub struct ChosenCorners {
-    /// Corners, in the unit of the points.
     pub corners: Vec<Vec3>,
-    /// Volume of the stone, in the unit of the points.
-    pub volume: f64,
+    /// Stone, around its centre of mass.
+    pub stone: Polyhedron,
+    /// Pose of the stone in the frame of the corners.
+    pub pose: Pose,
 }
 
 /// Returns at most `most` corners of a stone inside the hull of `points`; `None` if there is no such stone.
@@ -24,35 +25,33 @@ pub struct ChosenCorners {
 /// The farthest points are chosen first, so that the hull grows as fast as it can. Points that would make edges too short or faces
 /// too narrow for contact detection are passed over.
 pub fn choose_corners(points: &[Vec3], most: usize) -> Option<ChosenCorners> {
-    let mut chosen = tetrahedron(points)?.to_vec();
-    let half_size = 0.5 * (chosen[1] - chosen[0]).norm();
-    let mut found = stone(&chosen)?;
-    while chosen.len() < most {
-        let (hull, frame) = convex_hull(&chosen).ok()?;
+    let first = tetrahedron(points)?;
+    let half_size = 0.5 * (first[1] - first[0]).norm();
+    let mut chosen = with_hull(&first)?;
+    while chosen.corners.len() < most {
+        let planes = || chosen.stone.face_normals.iter().zip(&chosen.stone.face_offsets);
         let height = |p: &Vec3| {
-            let local = frame.inverse_point(p);
-            let planes = hull.face_normals.iter().zip(&hull.face_offsets);
-            planes.map(|(n, offset)| n.dot(&local) - offset).fold(f64::NEG_INFINITY, f64::max)
+            let local = chosen.pose.inverse_point(p);
+            planes().map(|(n, offset)| n.dot(&local) - offset).fold(f64::NEG_INFINITY, f64::max)
         };
         let mut above: Vec<(f64, &Vec3)> = points.iter().map(|p| (height(p), p)).collect();
-        above.retain(|(height, _)| *height > MIN_HEIGHT * half_size);
+        above.retain(|(height, _)| *height > MIN_CORNER_HEIGHT * half_size);
         above.sort_by(|a, b| b.0.total_cmp(&a.0));
-        let next = above.iter().take(MAX_ATTEMPTS).find_map(|(_, p)| {
-            let more = [&chosen[..], &[**p]].concat();
-            stone(&more).map(|stone| (more, stone))
-        });
-        let Some((more, stone)) = next else { break };
-        (chosen, found) = (more, stone);
+        let more = |p: &Vec3| with_hull(&[&chosen.corners[..], &[*p]].concat());
+        match above.iter().take(MAX_ATTEMPTS).find_map(|(_, p)| more(p)) {
+            Some(more) => chosen = more,
+            None => break,
+        }
     }
-    Some(found)
+    Some(chosen)
 }
 
-/// Returns the stone with the given corners; `None` if contact detection cannot use it, or if some of them are inside.
-fn stone(corners: &[Vec3]) -> Option<ChosenCorners> {
+/// Returns the corners with their hull; `None` if contact detection cannot use it, or if some of them are inside.
+fn with_hull(corners: &[Vec3]) -> Option<ChosenCorners> {
     let corners: Vec<Vec3> = corners.iter().map(|c| c.map(rounded)).collect();
     stone_with_corners(&corners).ok()?;
-    let (hull, _) = convex_hull(&corners).ok()?;
-    Some(ChosenCorners { corners, volume: hull.volume })
+    let (stone, pose) = convex_hull(&corners).ok()?;
+    Some(ChosenCorners { corners, stone, pose })
 }
 
 /// Rounds to the digits of a single-precision number, which few decimals write.

@@ -2,7 +2,7 @@
 
 use crate::corners::{ChosenCorners, choose_corners, extreme_points};
 use crate::{MeshError, TriangleMesh};
-use ballast::geometry::{ShapeDescriptors, convex_hull, stone_with_corners};
+use ballast::geometry::{ShapeDescriptors, convex_hull};
 use ballast::math::Vec3;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -23,7 +23,7 @@ pub struct MeshStone {
     pub volume: f64,
     /// Corners of the stone, around its middle.
     pub corners: Vec<Vec3>,
-    /// Descriptors of the stone; lengths over its nominal diameter.
+    /// Descriptors of the stone.
     pub descriptors: ShapeDescriptors,
     /// Nominal diameter of the stone.
     pub nominal_diameter: f64,
@@ -48,18 +48,17 @@ impl MeshStone {
         let (hull, _) = convex_hull(&points)
             .map_err(|_| no_stone("points nearly in one plane, or hardly any".into()))?;
         let chosen = choose_corners(&points, most);
-        let Some(ChosenCorners { corners, volume }) = chosen else {
+        let Some(ChosenCorners { corners, stone, .. }) = chosen else {
             return Err(no_stone("a flat or needle-shaped one".into()));
         };
-        let stone = stone_with_corners(&corners).map_err(|e| no_stone(e.to_string()))?;
         Ok(Self {
             name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             triangles: mesh.triangles.len(),
             mesh_volume: mesh.volume(),
             hull_volume: hull.volume,
-            volume,
+            volume: stone.volume,
             descriptors: ShapeDescriptors::of(&stone),
-            nominal_diameter: (6.0 / std::f64::consts::PI * volume).cbrt(),
+            nominal_diameter: stone.nominal_diameter(),
             corners,
         })
     }
@@ -91,8 +90,10 @@ impl MeshStone {
     }
 
     /// Returns the stone as TOML that a case can end with, with its descriptors as a comment.
-    pub fn toml(&self) -> String {
+    pub fn toml_text(&self) -> String {
         let ShapeDescriptors { length, width, thickness, sphericity, .. } = self.descriptors;
+        let [length, width, thickness] =
+            [length, width, thickness].map(|side| side / self.nominal_diameter);
         let mut text = format!(
             "# {}: {} corners, {:.1} % of the volume of the hull; L, I, S = {length:.2}, {width:.2}, {thickness:.2} \
              nominal diameters, sphericity {sphericity:.2}\n[[bed.grains.stones]]\ncorners = [\n",

@@ -30,7 +30,7 @@ impl Place {
         Self(TempDir::new().unwrap())
     }
 
-    fn file(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.path().join(name);
         std::fs::write(&path, content).unwrap();
         path
@@ -38,14 +38,14 @@ impl Place {
 
     /// Returns the message of a file that is no mesh.
     fn error(&self, name: &str, content: impl AsRef<[u8]>) -> String {
-        let path = self.file(name, content);
+        let path = self.write(name, content);
         let message = MeshStone::read(&path, 30).unwrap_err().to_string();
         assert!(message.contains(name) && message.contains("expected"), "{message}");
         message
     }
 }
 
-fn stl_text(triangles: &[[usize; 3]]) -> String {
+fn stl_ascii(triangles: &[[usize; 3]]) -> String {
     let mut text = "solid brick\n".to_string();
     for t in triangles {
         let corners = t.map(|k| {
@@ -82,7 +82,7 @@ fn ply_header(format: &str) -> String {
     )
 }
 
-fn ply_text() -> String {
+fn ply_ascii() -> String {
     let points = POINTS.map(|[x, y, z]| format!("{x} {y} {z}\n")).concat();
     let faces = FACES.map(|[a, b, c, d]| format!("4 {a} {b} {c} {d}\n")).concat();
     ply_header("ascii") + &points + &faces
@@ -102,13 +102,13 @@ fn ply_binary() -> Vec<u8> {
 fn all_formats_give_the_same_stone() {
     let place = Place::new();
     let files = [
-        place.file("a.stl", stl_text(&triangles())),
-        place.file("b.STL", stl_binary(b"")),
+        place.write("a.stl", stl_ascii(&triangles())),
+        place.write("b.STL", stl_binary(b"")),
         // As some scanners begin binary files, too.
-        place.file("solid.stl", stl_binary(b"solid scan")),
-        place.file("c.obj", obj()),
-        place.file("d.ply", ply_text()),
-        place.file("e.ply", ply_binary()),
+        place.write("solid.stl", stl_binary(b"solid scan")),
+        place.write("c.obj", obj()),
+        place.write("d.ply", ply_ascii()),
+        place.write("e.ply", ply_binary()),
     ];
     for file in &files {
         let mesh = TriangleMesh::read(file).unwrap();
@@ -154,7 +154,7 @@ fn scan(rings: usize, per_ring: usize) -> String {
 #[test]
 fn more_corners_fill_more_of_a_scan() {
     let place = Place::new();
-    let file = place.file("scan.obj", scan(100, 120));
+    let file = place.write("scan.obj", scan(100, 120));
     let mut last = 0.0;
     for most in [4, 8, 16, 32, 64] {
         let stone = MeshStone::read(&file, most).unwrap();
@@ -177,7 +177,7 @@ fn a_scan_far_from_its_origin_keeps_its_form() {
     let header = ply_header("ascii").replace("float", "double");
     let place = Place::new();
     let stone =
-        MeshStone::read(&place.file("far.ply", header + &points.concat() + &faces), 30).unwrap();
+        MeshStone::read(&place.write("far.ply", header + &points.concat() + &faces), 30).unwrap();
     assert_eq!(stone.corners.len(), 8);
     assert!((stone.volume / (6.0 * 8e-6) - 1.0).abs() < 1e-6, "{}", stone.volume);
 }
@@ -185,7 +185,7 @@ fn a_scan_far_from_its_origin_keeps_its_form() {
 #[test]
 fn an_open_surface_has_no_volume() {
     let place = Place::new();
-    let file = place.file("open.stl", stl_text(&triangles()[..11]));
+    let file = place.write("open.stl", stl_ascii(&triangles()[..11]));
     let stone = MeshStone::read(&file, 30).unwrap();
     assert_eq!((stone.mesh_volume, stone.triangles), (None, 11));
     assert!((stone.volume - 6.0).abs() < 1e-9);
@@ -200,19 +200,19 @@ fn broken_files_are_refused() {
     place.error("text.ply", "no mesh");
     let message = place.error(
         "points.ply",
-        ply_text().split("element face").next().unwrap().to_string() + "end_header\n",
+        ply_ascii().split("element face").next().unwrap().to_string() + "end_header\n",
     );
     assert!(!message.is_empty());
-    let message = place.error("far.ply", ply_text().replace("4 0 3 2 1", "4 0 3 2 9"));
+    let message = place.error("far.ply", ply_ascii().replace("4 0 3 2 1", "4 0 3 2 9"));
     assert!(message.contains("point 9 of 8"), "{message}");
-    let message = place.error("below.ply", ply_text().replace("4 0 3 2 1", "4 0 3 2 -1"));
+    let message = place.error("below.ply", ply_ascii().replace("4 0 3 2 1", "4 0 3 2 -1"));
     assert!(message.contains("face 0"), "{message}");
     place.error("far.obj", obj().replace("f 1 4 3 2", "f 1 4 3 12"));
     let message = place.error("nan.obj", obj().replace("v 2 3 1", "v 2 nan 1"));
     assert!(message.contains("finite coordinates"), "{message}");
     let message = place.error("points.obj", obj().split("f 1").next().unwrap());
     assert!(message.contains("mesh") || message.contains("triangles"), "{message}");
-    let message = place.error("flat.stl", stl_text(&triangles()[..2]));
+    let message = place.error("flat.stl", stl_ascii(&triangles()[..2]));
     assert!(message.contains("volume"), "{message}");
     let message = place.error("stone.dae", "");
     assert!(message.contains(".stl, .obj or .ply"), "{message}");

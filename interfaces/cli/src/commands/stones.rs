@@ -37,7 +37,7 @@ pub fn stones(args: StonesArgs, console: Console) -> Result {
             .map_err(|e| Failure::Failed(e.to_string()))?;
         table.row(stone.cells());
         console.event("stone", stone.json());
-        toml += &stone.toml();
+        toml += &stone.toml_text();
     }
     console.result(&table.text());
     match &args.out {
