@@ -372,20 +372,20 @@ def test_studies_return_a_table_and_continue(case: ballast.Case, beds: Path, tmp
     assert 0.2 < table["under/sleeper_1: final compactness"].iloc[0] < 0.9
 
 
-def test_study_scatter(tmp_path: Path) -> None:
+def test_statistics_of_figures_over_beds(tmp_path: Path) -> None:
     import pandas as pd
     from ballast import study
 
     path = tmp_path / "table.csv"
     path.write_text("number,bed.seed,run.step_s,gain,case,done\n1,1,0.1,2,a,true\n2,2,0.1,4,a,true\n3,1,0.2,5,a,true\n")
-    whole = study.scatter(path)
+    whole = study.statistics_over_beds(path)
     assert list(whole.loc["gain"]) == pytest.approx([11 / 3, 7**0.5 / 3**0.5, 2, 5, 3])
     assert "bed.seed" not in whole.index and "case" not in whole.index
-    by_step = study.scatter(pd.read_csv(path), by=["run.step_s"])
+    by_step = study.statistics_over_beds(pd.read_csv(path), by=["run.step_s"])
     assert list(by_step.loc[(0.1, "gain")]) == pytest.approx([3, 2**0.5, 2, 4, 2])
     assert by_step.loc[(0.2, "gain")]["count"] == 1
     with pytest.raises(ValueError, match="by: expected columns of the table, found \\['step'\\]"):
-        study.scatter(path, by=["step"])
+        study.statistics_over_beds(path, by=["step"])
 
 
 def test_studies_without_points_return_an_empty_table(case: ballast.Case, tmp_path: Path) -> None:

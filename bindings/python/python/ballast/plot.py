@@ -39,7 +39,7 @@ def _axes(ax: Axes | None, title: str, x: str, y: str) -> Axes:
 def _legend(ax: Axes) -> None:
     """Adds a legend, unless the axes are empty: matplotlib would warn."""
     if ax.get_legend_handles_labels()[0]:
-        ax.legend(fontsize="small", loc="best", framealpha=0.5)
+        ax.legend(fontsize="small", framealpha=0.5)
 
 
 def tines(run: Run) -> list[str]:

@@ -339,7 +339,7 @@ def run(
     return _table(points, files, errors)
 
 
-def scatter(table: pd.DataFrame | str | os.PathLike[str], by: Collection[str] = ()) -> pd.DataFrame:
+def statistics_over_beds(table: pd.DataFrame | str | os.PathLike[str], by: Collection[str] = ()) -> pd.DataFrame:
     """Returns mean, standard deviation, least and largest value and number of values of each figure over beds.
 
     Args:
