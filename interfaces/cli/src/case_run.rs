@@ -342,7 +342,7 @@ impl CaseRun {
         }
         self.console.event("done", summary);
         self.console.result(&self.text(&hash));
-        if let Some(text) = summary_text::depth_warning(self.recorder.summary()) {
+        if let Some(text) = summary_text::tine_depth_warning(self.recorder.summary()) {
             self.console.warning(&text);
         }
         match expected {

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::record::columns;
-use crate::summary_text::depth_warning;
+use crate::summary_text::tine_depth_warning;
 
 fn settings() -> SummarySettings {
     let tine = TrackedBody { name: "left".into(), role: Role::Tine, driven: 0 };
@@ -91,9 +91,9 @@ fn figures_without_a_target_are_null() {
     assert!(summary.depth_shortfalls().is_empty(), "the tine still moves");
     summary.take_step(&step(3.0, 5.0, 6.0, 0.0, true));
     assert!((summary.depth_shortfalls()[0] - 0.05).abs() < 1e-12);
-    assert!(depth_warning(&summary).unwrap().contains("50 mm above its depth"));
+    assert!(tine_depth_warning(&summary).unwrap().contains("50 mm above its depth"));
     summary.settings.grain_size = 0.06;
-    assert_eq!(depth_warning(&summary), None);
+    assert_eq!(tine_depth_warning(&summary), None);
     assert!(summary.closing_shortfalls().is_empty(), "there was no squeeze");
     // A partner has targets for one.
     summary.take_step(&step(4.0, 5.0, 6.0, 0.0, false));

@@ -15,7 +15,7 @@ pub const NO_TOLERANCE: &str = "no tolerance set";
 const TARGET_TOLERANCE_M: f64 = 1e-3;
 
 /// Returns a warning of a tine that ended more than a mean grain size above its depth; `None` if there is none.
-pub fn depth_warning(summary: &RunSummary) -> Option<String> {
+pub fn tine_depth_warning(summary: &RunSummary) -> Option<String> {
     let above = summary.depth_shortfalls().into_iter().fold(0.0, f64::max);
     (above > summary.settings().grain_size).then(|| {
         format!(

@@ -20,7 +20,9 @@ pub fn run(args: RunArgs, console: Console) -> Result {
     if !args.force {
         files.refuse_unfinished("start over with --force")?;
         files.refuse_another(&case.text)?;
-        args.stop.steps.map_or(Ok(()), |steps| files.refuse_longer(steps))?;
+        if let Some(steps) = args.stop.steps {
+            files.refuse_longer(steps)?;
+        }
     }
     // Before a bed is prepared or a file replaced.
     files.check_recording(args.record.as_deref())?;
