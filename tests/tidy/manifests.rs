@@ -13,8 +13,9 @@ const CORE_MAY_USE: [&str; 7] =
 const FACES: [&str; 2] = ["ballast-cli", "ballast-python"];
 
 /// The packages between the interfaces and the faces, each with the packages of this workspace that it may use.
-const SHARED: [(&str, &[&str]); 6] = [
+const SHARED: [(&str, &[&str]); 7] = [
     ("ballast-fmi", &["ballast-scenario"]),
+    ("ballast-coupling", &["ballast-zenoh"]),
     ("ballast-beds", &["ballast-scenario", "ballast-hdf5"]),
     (
         "ballast-session",
