@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -89,6 +91,45 @@ def test_energy_of_the_unit_is_conserved(ended: machine.TampingUnit) -> None:
     assert drives > 5000.0 and abs(e["tines"]) > 100.0
     lost = e["valves"] + e["friction"] + e["leakage and relief"]
     assert drives == pytest.approx(e["stored"] + lost + e["tines"], abs=1e-4 * drives)
+
+
+def test_the_model_gives_the_reference_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures of a cycle on springs, which the unit in Rust must also give; BALLAST_WRITE_DOCS writes them."""
+    made, rows = unit(), []
+    advance = made.advance
+
+    def recorded(*arguments: Any) -> Any:
+        motion = advance(*arguments)
+        rows.append(made.trace[-1])
+        return motion
+
+    monkeypatch.setattr(made, "advance", recorded)
+    run(made, {0: 8e5, 1: 3e5})
+    # Closings, load pressures of pairs, depth and supply pressure.
+    arms, pairs = len(made.names), len(made.pairs)
+    first_pair = len(machine.TRACE) + len(machine.ARM_TRACE) * arms
+    columns: dict[str, Any] = {
+        "depth": lambda row: [row[1]], "supply": lambda row: [row[3]],
+        "closing": lambda row: row[len(machine.TRACE) :][:arms], "load_pressure": lambda row: row[first_pair:][:pairs],
+    }  # fmt: skip
+    found = {
+        "parameters": asdict(made.p), "stiffness": [8e5, 3e5], "onset": 0.01, "step": STEP,
+        "instants": [
+            {"time": float(row[0])} | {name: [float(f"{v:.6g}") for v in of(row)] for name, of in columns.items()}
+            for row in rows[59::60]
+        ],
+        "squeezes": made.logic["squeezes"], "energies": made.energies(),
+    }  # fmt: skip
+    path = FOLDER / "reference.json"
+    if os.environ.get("BALLAST_WRITE_DOCS"):
+        path.write_text(json.dumps(found, indent=1) + "\n")
+    expected = json.loads(path.read_text())
+    assert found["parameters"] == expected["parameters"]
+    assert [s["cause"] for s in found["squeezes"]] == [s["cause"] for s in expected["squeezes"]]
+    assert found["energies"] == pytest.approx(expected["energies"], rel=1e-3)
+    for name in columns:
+        values, reference = (np.array([i[name] for i in f["instants"]]) for f in (found, expected))
+        assert values == pytest.approx(reference, abs=1e-3 * np.abs(reference).max()), name
 
 
 def test_blades_move_on_arcs_and_vibrate_in_opposition() -> None:
