@@ -4,8 +4,7 @@ use crate::arrays::{self, Matrix, Vector};
 use ballast::geometry::Polyhedron;
 use ballast::math::Pose;
 use ballast::model::{DrivenBody, Model, Part};
-use ballast::track::TinePath;
-use ballast_protocol::description;
+use ballast_protocol::description::{self, TineDescription};
 use pyo3::prelude::*;
 
 /// Role and mount of a driven body of any backend.
@@ -100,51 +99,47 @@ pub fn parts<'py>(py: Python<'py>, model: &Model, body: &DrivenBody) -> Vec<Soli
 
 #[doc = stub!("Tine")]
 #[pyclass(frozen, module = "ballast", name = "Tine")]
-pub struct PyTine {
-    pub name: String,
-    pub pair: u32,
-    pub path: TinePath,
-}
+pub struct PyTine(pub TineDescription);
 
 #[pymethods]
 impl PyTine {
     #[doc = stub!("Tine.name")]
     #[getter]
     fn name(&self) -> &str {
-        &self.name
+        &self.0.body
     }
 
     #[doc = stub!("Tine.pair")]
     #[getter]
     fn pair(&self) -> u32 {
-        self.pair
+        self.0.pair
     }
 
     #[doc = stub!("Tine.direction")]
     #[getter]
     fn direction(&self) -> f64 {
-        self.path.direction
+        self.0.direction
     }
 
     #[doc = stub!("Tine.start")]
     #[getter]
     fn start<'py>(&self, py: Python<'py>) -> Vector<'py> {
-        arrays::vector(py, &self.path.start)
+        arrays::vector(py, &self.0.start.into())
     }
 
     #[doc = stub!("Tine.full_depth_z")]
     #[getter]
     fn full_depth_z(&self) -> f64 {
-        self.path.deep
+        self.0.full_depth_z
     }
 
     #[doc = stub!("Tine.stroke")]
     #[getter]
     fn stroke(&self) -> f64 {
-        self.path.stroke
+        self.0.stroke
     }
 
     fn __repr__(&self) -> String {
-        format!("Tine({:?}, pair {})", self.name, self.pair)
+        format!("Tine({:?}, pair {})", self.0.body, self.0.pair)
     }
 }

@@ -2,6 +2,8 @@
 
 use crate::bodies::BodyInfo;
 use crate::local::SharedContext;
+use ballast::track::TampingCycle;
+use ballast_protocol::description::TineDescription;
 use ballast_zenoh::ComponentDescription;
 use std::sync::Arc;
 
@@ -12,6 +14,8 @@ pub struct SimulationInfo {
     pub names: Arc<[String]>,
     /// Driven bodies `[nd]`.
     pub bodies: Vec<BodyInfo>,
+    /// Tines of the case's tamping cycle.
+    pub tines: Vec<TineDescription>,
     pub step_ns: u64,
     pub schedule: String,
     pub grain_count: usize,
@@ -21,10 +25,12 @@ impl SimulationInfo {
     /// Returns the properties of a simulation of this process.
     pub fn local(context: &SharedContext) -> Self {
         let model = &context.model;
+        let cycle = TampingCycle::new(&context.case.plan, model);
         Self {
             name: context.case.plan.name.clone(),
             names: Arc::clone(&context.names),
             bodies: model.driven.iter().map(Into::into).collect(),
+            tines: cycle.map_or_else(|_| Vec::new(), |cycle| TineDescription::of(&cycle, model)),
             step_ns: model.stepping.step_ns,
             schedule: model.solver.schedule.name().into(),
             grain_count: model.grains.len(),
@@ -38,6 +44,7 @@ impl SimulationInfo {
             name: format!("zenoh:{}", description.key),
             schedule: schedule.unwrap_or_default().into(),
             names: description.bodies.iter().map(|b| b.name.clone()).collect(),
+            tines: description.tines,
             bodies: description.bodies.into_iter().map(Into::into).collect(),
             step_ns: description.step_ns,
             grain_count: description.grains,

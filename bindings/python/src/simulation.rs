@@ -17,7 +17,6 @@ use crate::state::PyState;
 use ballast::component::{PushProbe, StiffnessProbe};
 use ballast::math::Pose;
 use ballast::observe::stone_statistics;
-use ballast::track::TinePath;
 use ballast_protocol::lockstep::ParameterUpdate;
 use ballast_protocol::messages::ZoneMeasurement;
 use ballast_session::stones::stones_json;
@@ -193,16 +192,8 @@ impl PySimulation {
 
     #[doc = stub!("Simulation.tines")]
     #[getter]
-    fn tines(&self, py: Python<'_>) -> PyResult<Vec<PyTine>> {
-        self.with_local(py, "tines", |local| {
-            let cycle = local.cycle();
-            let tine = |path: &TinePath| PyTine {
-                name: self.info.names[path.body].clone(),
-                pair: cycle.pairs()[path.pair].number,
-                path: path.clone(),
-            };
-            Ok(cycle.tines().iter().map(tine).collect())
-        })
+    fn tines(&self) -> Vec<PyTine> {
+        self.info.tines.iter().cloned().map(PyTine).collect()
     }
 
     #[doc = stub!("Simulation.save")]

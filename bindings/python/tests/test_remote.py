@@ -39,9 +39,8 @@ def free_port() -> int:
 class Served:
     """A running `ballast serve` of the small case."""
 
-    def __init__(self, beds: Path, folder: Path) -> None:
+    def __init__(self, beds: Path, folder: Path, case: Path = ROOT / "interfaces/cli/tests/data/tiny.toml") -> None:
         self.endpoint = f"tcp/127.0.0.1:{free_port()}"
-        case = ROOT / "interfaces/cli/tests/data/tiny.toml"
         self.command = [
             PROGRAM, "serve", case, "--key", KEY, "--listen", self.endpoint, "--bed-cache", beds, "--out", folder,
             "--checkpoint-interval", "0", "--threads", "1", "--json",
@@ -166,6 +165,14 @@ def test_remote_results_equal_local_results(sim: ballast.Simulation, served: Ser
             assert rows.tobytes() == elsewhere.impulses[name].tobytes()
 
 
+def test_remote_tines_equal_local_tines(sim: ballast.Simulation, served: Served) -> None:
+    def values(tine: ballast.Tine) -> list[object]:
+        return [tine.name, tine.pair, tine.direction, tine.start.tolist(), tine.full_depth_z, tine.stroke]
+
+    with served.open() as there:
+        assert [values(tine) for tine in there.tines] == [values(tine) for tine in sim.tines] != []
+
+
 def test_remote_parameters_equal_local_parameters(sim: ballast.Simulation, served: Served) -> None:
     with served.open() as there:
         ends = []
@@ -242,8 +249,8 @@ def test_remote_simulations_refuse_local_operations(sim: ballast.Simulation, ser
         for ask in (
             there.fork, there.zones, there.step_tamping_cycle, lambda: there.case, lambda: there.masses,
             lambda: there.stones, lambda: there.phase, lambda: there.record(tmp_path / "run.mcap"), lambda: kept.positions,
-            lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept), lambda: there.tines,
-            lambda: there.threads, lambda: there.shape_indices, lambda: there.shape(0), lambda: kept.step, lambda: kept.body("floor"),
+            lambda: kept.write(tmp_path / "state.h5"), lambda: ballast.resume(kept), lambda: there.threads,
+            lambda: there.shape_indices, lambda: there.shape(0), lambda: kept.step, lambda: kept.body("floor"),
         ):  # fmt: skip
             with pytest.raises(ballast.RequestError, match="found a remote one") as refused:
                 ask()

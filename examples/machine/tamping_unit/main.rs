@@ -4,20 +4,19 @@
 //!     cargo run --release -p ballast-coupling --example tamping_unit -- demo/bed [WINDOWS] [ENDPOINT] [NAME=VALUE]...
 //!
 //! The unit (`model`) is the one of `machine.py`: same equations, parameters and names. The component and the unit are
-//! coupled implicitly in windows of two time steps. `NAME=VALUE` sets a parameter of the unit, or the height
-//! `full_depth_z` of the blades at full depth; the values here are those of the case above.
+//! coupled implicitly in windows of two time steps. `NAME=VALUE` sets a parameter of the unit; the values here are those of
+//! the case above.
 
 mod model;
 
 use ballast_coupling::{Coupling, CouplingSettings, Window};
-use ballast_protocol::description::{BodyDescription, ComponentDescription};
+use ballast_protocol::description::{ComponentDescription, TineDescription};
 use ballast_zenoh::session::DEFAULT_ENDPOINT;
 use ballast_zenoh::{Client, SessionConfig, Timeouts};
 use model::{Parameters, Phase, Sleeper, TampingUnit, Tine};
+use std::collections::BTreeSet;
 use std::error::Error;
 
-/// Height of the upper edge of the blades at full depth in `tamping.toml`, m: underside 0.19, lift 0.025, depth 0.018.
-const FULL_DEPTH_Z: f64 = 0.197;
 /// Number of windows from one line of progress to the next.
 const WINDOWS_PER_LINE: usize = 50;
 
@@ -118,34 +117,30 @@ impl RunFigures {
     }
 }
 
-/// Returns the tines of a component: names end in the pair and the direction, such as `tine_1_plus`.
-fn tines(description: &ComponentDescription) -> Result<Vec<Tine>, Box<dyn Error>> {
-    let bodies = description.bodies.iter().filter(|body| body.role == "tine");
-    let tine = |body: &BodyDescription| -> Option<Tine> {
-        let mut parts = body.name.rsplit('_');
-        let direction = if parts.next()? == "plus" { 1.0 } else { -1.0 };
-        let pair = parts.next()?.parse::<usize>().ok()?.checked_sub(1)?;
-        let start = [body.position.x, body.position.y, body.position.z];
-        Some(Tine { name: body.name.clone(), direction, pair, start })
-    };
-    let tines: Option<Vec<_>> = bodies.map(tine).collect();
-    tines.filter(|tines| !tines.is_empty()).ok_or("expected tines such as tine_1_plus".into())
-}
-
 /// Returns the unit above the sleeper of a component.
 fn unit(
     description: &ComponentDescription,
-    full_depth_z: f64,
     parameters: Parameters,
 ) -> Result<TampingUnit, Box<dyn Error>> {
-    let tines = tines(description)?;
+    if description.tines.is_empty() {
+        return Err("expected a case with tines and [tamping], found none".into());
+    }
+    let numbers: BTreeSet<u32> = description.tines.iter().map(|tine| tine.pair).collect();
+    let tine = |tine: &TineDescription| Tine {
+        name: tine.body.clone(),
+        direction: tine.direction,
+        pair: numbers.range(..tine.pair).count(),
+        start: [tine.start.x, tine.start.y, tine.start.z],
+    };
+    let tines = description.tines.iter().map(tine).collect();
+    let ways = description.tines.iter().map(|tine| tine.start.z - tine.full_depth_z);
+    let travel = ways.fold(0.0, f64::max);
     let body = description.bodies.iter().find(|body| body.role == "sleeper");
     let body = body.ok_or("expected a sleeper, found none")?;
     let start = [body.position.x, body.position.y, body.position.z];
     let sleeper = Sleeper { name: body.name.clone(), start };
-    let pairs = tines.iter().map(|tine| tine.pair + 1).max().unwrap_or_default();
-    let travel = tines.iter().map(|tine| tine.start[2] - full_depth_z).fold(0.0, f64::max);
-    Ok(TampingUnit::new(tines, sleeper, travel, parameters, vec![(0..pairs).collect()]))
+    let pairs = (0..numbers.len()).collect();
+    Ok(TampingUnit::new(tines, sleeper, travel, parameters, vec![pairs]))
 }
 
 /// Tamps until the cycle is done, or for a number of windows.
@@ -190,12 +185,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [key, rest @ ..] = &plain[..] else {
         return Err("usage: tamping_unit SITE/ID [WINDOWS] [ENDPOINT] [NAME=VALUE]...".into());
     };
-    let (mut parameters, mut full_depth_z) = (Parameters::of_case(), FULL_DEPTH_Z);
+    let mut parameters = Parameters::of_case();
     for (name, value) in values.iter().filter_map(|text| text.split_once('=')) {
-        let parameter = match name {
-            "full_depth_z" => Some(&mut full_depth_z),
-            _ => parameters.by_name(name),
-        };
+        let parameter = parameters.by_name(name);
         *parameter.ok_or(format!("{name}: expected a parameter of the unit"))? = value.parse()?;
     }
     let windows = rest.first().map_or(Ok(usize::MAX), |count| count.parse())?;
@@ -204,7 +196,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     if client.position().now_ns > 0 {
         return Err(format!("{key}: expected a run at its start; serve the case again").into());
     }
-    let unit = unit(&client.describe()?, full_depth_z, parameters)?;
+    let unit = unit(&client.describe()?, parameters)?;
     let settings =
         CouplingSettings { window_steps: 2, tolerance: 2e-6, ..CouplingSettings::default() };
     let mut coupling = Coupling::new(client, unit, settings)?;

@@ -4,6 +4,7 @@ use crate::lockstep::Lockstep;
 use crate::messages::{Point, Quaternion, SolverParameters, Twist};
 use ballast::component::Component;
 use ballast::model::{DofMode, Model, Schedule};
+use ballast::track::TampingCycle;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -26,6 +27,9 @@ pub struct ComponentDescription {
     pub grains: usize,
     /// Driven bodies.
     pub bodies: Vec<BodyDescription>,
+    /// Tines of the tamping cycle of the case; empty without one.
+    #[serde(default)]
+    pub tines: Vec<TineDescription>,
     /// Maximum jump of a motion between two windows.
     pub continuity: ContinuityTolerance,
     /// Statement on reproducibility.
@@ -84,6 +88,40 @@ pub struct BodyDescription {
     pub twist: Option<Twist>,
 }
 
+/// Path of a tine in the tamping cycle of a case.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct TineDescription {
+    /// Name of the body.
+    pub body: String,
+    /// Number of its pair in the case.
+    pub pair: u32,
+    /// Direction in which it closes along x: 1 or -1.
+    pub direction: f64,
+    /// Position of the reference point before the cycle, m.
+    pub start: Point,
+    /// Height of the reference point at full depth, m.
+    #[serde(rename = "full_depth_z_m")]
+    pub full_depth_z: f64,
+    /// Closing in the squeeze, m.
+    #[serde(rename = "stroke_m")]
+    pub stroke: f64,
+}
+
+impl TineDescription {
+    /// Returns the tines of a cycle.
+    pub fn of(cycle: &TampingCycle, model: &Model) -> Vec<Self> {
+        let tines = cycle.tines().iter().map(|path| Self {
+            body: model.driven[path.body].name.clone(),
+            pair: cycle.pairs()[path.pair].number,
+            direction: path.direction,
+            start: path.start.into(),
+            full_depth_z: path.deep,
+            stroke: path.stroke,
+        });
+        tines.collect()
+    }
+}
+
 impl ComponentDescription {
     /// Describes the component `site/id` in its current state.
     pub fn of(key: &str, lockstep: &Lockstep) -> Self {
@@ -111,6 +149,7 @@ impl ComponentDescription {
             step_ns: model.stepping.step_ns,
             grains: model.grains.len(),
             bodies: model.driven.iter().map(body).collect(),
+            tines: Vec::new(),
             continuity: ContinuityTolerance {
                 distance_m: limits.join_distance,
                 angle_rad: limits.join_angle,

@@ -74,5 +74,11 @@ fn text(d: &ComponentDescription) -> String {
             body.name, body.role, p.x, p.y, p.z
         );
     }
+    for tine in &d.tines {
+        text += &format!(
+            "\ntine            {:<20} pair {}, closes {:+.0} x by {:.4} m, full depth at z {:.4} m",
+            tine.body, tine.pair, tine.direction, tine.stroke, tine.full_depth_z
+        );
+    }
     text
 }

@@ -8,7 +8,8 @@ use crate::console::Console;
 use crate::nonfatal_errors::NonFatalErrors;
 use crate::{beds, case_run, interrupt};
 use ballast::component::Component;
-use ballast::track;
+use ballast::track::{self, TampingCycle};
+use ballast_protocol::description::TineDescription;
 use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_session::{Failure, Reporter, Result};
@@ -107,6 +108,13 @@ impl ServedRun {
 }
 
 impl ServerHooks for ServedRun {
+    fn tines(&self, lockstep: &Lockstep) -> Vec<TineDescription> {
+        let model = lockstep.component().model();
+        // A partner needs no cycle that the program could drive.
+        let cycle = TampingCycle::new(&self.case.plan, model);
+        cycle.map_or_else(|_| Vec::new(), |cycle| TineDescription::of(&cycle, model))
+    }
+
     fn opened(&mut self, lockstep: &Lockstep) {
         let place = lockstep.position();
         self.console.note(&match lockstep.is_configured() {

@@ -492,7 +492,7 @@ fn a_served_component_is_described_watched_and_examined() {
     let serving = Serving::start(&place, &endpoint, "--out s");
     let output = place.call(&format!("describe {KEY} --connect {endpoint}")).with_code(0).stdout();
     assert!(
-        output.contains("1 ms") && output.contains("tine") && output.contains("synchronous"),
+        output.contains("1 ms") && output.contains("closes +1 x") && output.contains("synchronous"),
         "{output}"
     );
     let mut client = attach(&endpoint, None).unwrap();

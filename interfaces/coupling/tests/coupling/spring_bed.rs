@@ -66,6 +66,7 @@ impl Simulation for SpringBed {
             frame: String::new(),
             wrench_convention: String::new(),
             viewer_endpoints: vec![],
+            tines: vec![],
             parameters: Default::default(),
         })
     }

@@ -21,7 +21,7 @@ mod viewer;
 use crate::keys::last_segment;
 use crate::{DISCONNECT_TIMEOUT, Error, HEARTBEAT_INTERVAL, Keys, SessionConfig};
 use ballast::component::Component;
-use ballast_protocol::description::ComponentDescription;
+use ballast_protocol::description::{ComponentDescription, TineDescription};
 use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
 use ballast_protocol::pacer::Pacer;
@@ -85,6 +85,11 @@ pub trait ServerHooks: Send {
     fn prepare(&mut self, _request: &InitRequest) -> Result<Component, RequestError> {
         let message = "init: the component was prepared at start; use `reset` to start a new run";
         Err(RequestError::new(ErrorCode::InitFailed, message))
+    }
+
+    /// Returns the tines of the case's tamping cycle, for the description.
+    fn tines(&self, _lockstep: &Lockstep) -> Vec<TineDescription> {
+        Vec::new()
     }
 
     /// Receives messages for people.
@@ -279,6 +284,7 @@ impl Service<'_> {
                 self.viewer.as_ref().map_or(Vec::new(), |viewer| viewer.endpoints.clone());
             ComponentDescription {
                 viewer_endpoints,
+                tines: self.hooks.tines(&self.lockstep),
                 ..ComponentDescription::of(self.keys.name(), &self.lockstep)
             }
         });
