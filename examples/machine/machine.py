@@ -3,7 +3,7 @@
 An arm on a pivot carries each tine, so that the blade moves on an arc and tilts. A double-acting cylinder between the upper
 end of the arm and the eccentric shaft closes it: the shaft vibrates all cylinders, the oil transmits the vibration to the
 arms. A pair of facing tines shares a valve and stops by its own pressure, stroke or time. The unit with all pivots moves
-vertically in a cylinder. Pump and accumulator feed all valves.
+vertically in a cylinder, and from sleeper to sleeper. Pump and accumulator feed all valves.
 
 `TampingUnit` is a partner of `ballast.couple`. Its energies are integrated with its motion, so that the work of the drives
 can be compared with what is stored, dissipated and given to the ballast. SI units; pressures are above that of the tank.
@@ -19,6 +19,7 @@ from scipy.integrate import solve_ivp
 
 GRAVITY = 9.81
 STOP_CAUSES = ("pressure", "stroke", "time")
+TRAVEL_TIME = 0.5  # s from one sleeper to the next; an estimate: machines tamp a sleeper in 2 to 4 s
 
 
 @dataclass(frozen=True)
@@ -123,31 +124,48 @@ ARM_TRACE = ("closing", "angle", "pressure", "force", "piston")
 PAIR_TRACE = ("load_pressure", "spool")
 
 
+@dataclass(frozen=True)
+class Station:
+    """Place of the unit: the tines that its arms carry there (`sim.tines`), name and position of the lifted sleeper."""
+
+    tines: list
+    sleeper: str
+    position: tuple
+
+    def pairs(self):
+        """Returns the numbers of the pairs."""
+        return sorted({tine.pair for tine in self.tines})
+
+
 class TampingUnit:
-    """Tamping unit above a sleeper, as a partner of `ballast.couple`.
+    """Tamping unit above one sleeper, or above several in turn, as a partner of `ballast.couple`.
+
+    The case has the tines at each sleeper. Those of the sleeper at which the unit is move with it; the others wait above the
+    ballast and vibrate there.
 
     Args:
-        tines: tines of the simulation (`sim.tines`).
-        sleeper: name and position of the lifted sleeper.
+        stations: places of the unit in turn, each with the same number of tines.
         step: time step of the simulation, s. Controller and forces of the ballast are constant in it.
         parameters: parameters of the unit.
-        pairs_by_cycle: numbers of the pairs that squeeze in each cycle; default: one cycle of all pairs.
+        pairs_by_cycle: the pairs of a station, counted from 0, that squeeze in each cycle there; default: one cycle of all.
+        is_loaded: False: the unit does not feel the ballast, so that its motion is imposed.
+        start: time at which the cycle starts, s.
     """
 
-    def __init__(self, tines, sleeper, step, parameters=None, pairs_by_cycle=None):
+    def __init__(self, stations, step, parameters=None, pairs_by_cycle=None, is_loaded=True, start=0.0):
         self.p = p = parameters or Parameters()
-        self.names = [tine.name for tine in tines]
+        self.stations, self.is_loaded, tines = stations, is_loaded, stations[0].tines
+        self.names = [tine.name for station in stations for tine in station.tines]
         self.signs = [float(tine.direction) for tine in tines]
-        self.start = np.array([tine.start for tine in tines])
         self.travel = max(tine.start[2] - tine.full_depth_z for tine in tines)
-        self.pairs = sorted({tine.pair for tine in tines})
-        self.pair_list = [self.pairs.index(tine.pair) for tine in tines]
+        pairs = stations[0].pairs()
+        self.pair_list = [pairs.index(tine.pair) for tine in tines]
         self.pair_of = np.array(self.pair_list)
         self.arms_of = np.bincount(self.pair_of).tolist()
-        self.sleeper, self.sleeper_start = sleeper[0], np.asarray(sleeper[1], dtype=float)
         self.step = step
-        self.pairs_by_cycle = [set(c) for c in (pairs_by_cycle or [self.pairs])]
-        n, m = len(self.names), len(self.pairs)
+        cycles = [set(cycle) for cycle in (pairs_by_cycle or [range(len(pairs))])]
+        self.cycles = [(station, cycle) for station in range(len(stations)) for cycle in cycles]
+        n, m = len(tines), len(pairs)
         sizes = {"z": 1, "vz": 1, "p_ins": 1, "s_ins": 1, "theta": 1, "omega": 1, "p_s": 1,
                  "phi": n, "dphi": n, "pa": n, "pb": n, "spool": m, "sensor_1": m, "sensor_2": m,
                  "pump": 1, "motor": 1, "throttle": 1, "friction": 1, "leak": 1, "tines": 1}  # fmt: skip
@@ -165,8 +183,8 @@ class TampingUnit:
         self.chamber_a, self.chamber_b = (p.line_volume + 0.5 * area * self.stroke for area in (self.area_a, self.area_b))
         # The oil presses the open pistons onto their stops by this overlap.
         self.seat = p.supply_pressure * p.rod_area() / p.stop_stiffness
-        self.logic = {"time": 0.0, "cycle": 0, "phase": "lift", "since": 0.0, "stops": [None] * m, "lifting": 0.0,
-                      "squeezes": []}  # fmt: skip
+        self.logic = {"time": start, "cycle": 0, "phase": "lift", "since": start, "stops": [None] * m, "lifting": 0.0,
+                      "lifted": [start] + [math.inf] * (len(stations) - 1), "squeezes": []}  # fmt: skip
         self.trace = np.zeros((0, len(TRACE) + len(ARM_TRACE) * n + len(PAIR_TRACE) * m))
         self.stored_at_start = sum(self.stored().values())
 
@@ -174,18 +192,19 @@ class TampingUnit:
 
     def advance(self, t0, t1, forces):
         """Advances the unit; forces of the ballast and commands of the controller are constant in each time step."""
-        wrench = np.stack([forces[name] for name in self.names], axis=1)
+        wrench = sum(np.stack([forces[tine.name] for tine in station.tines], axis=1) for station in self.stations)
         # Forces along x and z, and the torque about y.
-        loads, lift = wrench[:, :, [0, 2, 4]].tolist(), forces[self.sleeper]
-        rows = []
-        for k in range(len(lift)):
-            a, b = t0 + (t1 - t0) * k / len(lift), t0 + (t1 - t0) * (k + 1) / len(lift)
+        loads = (wrench[:, :, [0, 2, 4]] * self.is_loaded).tolist()
+        rows, steps = [], len(wrench)
+        for k in range(steps):
+            a, b = t0 + (t1 - t0) * k / steps, t0 + (t1 - t0) * (k + 1) / steps
             command = self._control(a)
             solution = solve_ivp(self._rates, (a, b), self.y, "RK45", rtol=1e-5, atol=self._tolerances(),
                                  args=(loads[k], command))  # fmt: skip
             self.y = solution.y[:, -1]
             self.logic["time"] = b
-            self.logic["lifting"] -= lift[k, 2] * (self._lift(b)[0] - self._lift(a)[0])
+            for number, station in enumerate(self.stations):
+                self.logic["lifting"] -= forces[station.sleeper][k, 2] * (self._lift(number, b)[0] - self._lift(number, a)[0])
             rows.append(self._trace_row(b, wrench[k]))
         self.trace = np.array(rows)
         return self.motion()
@@ -203,14 +222,18 @@ class TampingUnit:
     def motion(self):
         """Returns the motion of the blades and of the lifted sleeper."""
         v, rows = self._get(self.y), {}
-        for i, name in enumerate(self.names):
-            # A positive turn about y moves what is below the pivot towards -x.
-            turn, rate = -self.signs[i] * v["phi"][i], -self.signs[i] * v["dphi"][i]
-            x, z = self._tip(i, v["phi"][i])
-            position = self.start[i] + [x, 0.0, z + self.p.lower_length + v["z"]]
-            rows[name] = np.array([*position, 0, turn, 0, rate * z, 0, v["vz"] - rate * x, 0, rate, 0])
-        height, speed = self._lift(self.logic["time"])
-        rows[self.sleeper] = np.array([*(self.sleeper_start + [0, 0, height]), 0, 0, 0, 0, 0, speed, 0, 0, 0])
+        for number, station in enumerate(self.stations):
+            is_here = number == self.station
+            z, vz = (v["z"], v["vz"]) if is_here else (0.0, 0.0)
+            for i, tine in enumerate(station.tines):
+                # A positive turn about y moves what is below the pivot towards -x.
+                turn, rate = -self.signs[i] * v["phi"][i], -self.signs[i] * v["dphi"][i]
+                x, below = self._tip(i, v["phi"][i])
+                position = tine.start + np.array([x, 0.0, below + self.p.lower_length + z])
+                rows[tine.name] = np.array([*position, 0, turn, 0, rate * below, 0, vz - rate * x, 0, rate, 0])
+            height, speed = self._lift(number, self.logic["time"])
+            place = np.asarray(station.position, dtype=float) + [0, 0, height]
+            rows[station.sleeper] = np.array([*place, 0, 0, 0, 0, 0, speed, 0, 0, 0])
         return rows
 
     def _tip(self, i, phi):
@@ -221,9 +244,9 @@ class TampingUnit:
         """Returns the way of each piston from the stop of the open tines, m."""
         return self.p.upper_length * v["phi"] - self.p.eccentricity() * math.sin(v["theta"]) - self.seat
 
-    def _lift(self, t):
-        """Returns height and speed of the sleeper."""
-        x = min(max(t / self.p.lift_time, 0.0), 1.0)
+    def _lift(self, station, t):
+        """Returns height and speed of the sleeper of a station."""
+        x = min(max((t - self.logic["lifted"][station]) / self.p.lift_time, 0.0), 1.0)
         rate = 0.0 if x in (0.0, 1.0) else 6 * x * (1 - x) / self.p.lift_time
         return self.p.lift_height * x * x * (3 - 2 * x), self.p.lift_height * rate
 
@@ -237,16 +260,21 @@ class TampingUnit:
     def phase(self):
         return self.logic["phase"]
 
+    @property
+    def station(self):
+        """Number of the station at which the unit is, or to which it travels."""
+        return self.cycles[self.logic["cycle"]][0]
+
     def _control(self, t):
         """Advances the cycle and returns the commands: insertion spool, spools of the pairs, speed of the eccentric."""
         p, logic, get = self.p, self.logic, self._get(self.y)
-        age, squeezing = t - logic["since"], self.pairs_by_cycle[logic["cycle"]]
+        age, squeezing = t - logic["since"], self.cycles[logic["cycle"]][1]
         if logic["phase"] == "lift" and age >= p.lift_time - 1e-9:
             self._enter("insertion", t)
         elif logic["phase"] == "insertion":
             if -get["z"] > self.travel - p.depth_tolerance or age >= p.insertion_limit:
                 self._enter("squeeze", t)
-                logic["stops"] = [None if pair in squeezing else "idle" for pair in self.pairs]
+                logic["stops"] = [None if pair in squeezing else "idle" for pair in range(len(logic["stops"]))]
         elif logic["phase"] == "squeeze":
             self._stop_pairs(t, age, get)
             if None not in logic["stops"]:
@@ -254,13 +282,19 @@ class TampingUnit:
         elif logic["phase"] == "hold" and age >= p.hold_time:
             self._enter("withdrawal", t)
         elif logic["phase"] == "withdrawal" and -get["z"] < 0.01 and age >= p.withdrawal_time:
-            if logic["cycle"] + 1 < len(self.pairs_by_cycle):
+            if logic["cycle"] + 1 == len(self.cycles):
+                self._enter("done", t)
+            elif self.cycles[logic["cycle"] + 1][0] != self.station:
+                self._enter("travel", t)
+            else:
                 logic["cycle"] += 1
                 self._enter("insertion", t)
-            else:
-                self._enter("done", t)
+        elif logic["phase"] == "travel" and age >= TRAVEL_TIME:
+            logic["cycle"] += 1
+            logic["lifted"][self.station] = t
+            self._enter("lift", t)
         phase, age = logic["phase"], t - logic["since"]
-        spools = np.full(len(self.pairs), -1.0)
+        spools = np.full(len(logic["stops"]), -1.0)
         if phase == "squeeze":
             spools = np.array([{None: 1.0, "idle": -1.0}.get(stop, 0.0) for stop in logic["stops"]])
         elif phase == "hold":
@@ -275,7 +309,7 @@ class TampingUnit:
 
     def _depth(self, phase, age):
         """Returns the commanded depth of the unit and its rate."""
-        if phase in ("lift", "done"):
+        if phase in ("lift", "travel", "done"):
             return 0.0, 0.0
         if phase in ("squeeze", "hold"):
             return self.travel, 0.0
@@ -293,8 +327,11 @@ class TampingUnit:
             reached = (pressure >= self.p.preset_pressure, closed >= self.p.closing_limit, age >= self.p.squeeze_time)
             if any(reached):
                 self.logic["stops"][k] = cause = STOP_CAUSES[reached.index(True)]
-                self.logic["squeezes"].append({"cycle": self.logic["cycle"] + 1, "pair": self.pairs[k], "time": t,
-                                               "cause": cause, "closing": closed, "pressure": pressure})  # fmt: skip
+                station = self.stations[self.station]
+                self.logic["squeezes"].append({
+                    "cycle": self.logic["cycle"] + 1, "pair": station.pairs()[k], "sleeper": station.sleeper, "time": t,
+                    "cause": cause, "closing": closed, "pressure": pressure,
+                })  # fmt: skip
 
     # Dynamics.
 
@@ -320,7 +357,7 @@ class TampingUnit:
         swing = eccentricity * math.cos(theta)
         area_a, area_b = self.area_a, self.area_b
         used = throttled = rubbed = leaked = given = load = 0.0
-        pressures = [0.0] * len(self.pairs)
+        pressures = [0.0] * len(self.arms_of)
 
         for i, pair in enumerate(self.pair_list):
             phi, dphi, pa, pb = (y[at[name].start + i] for name in ("phi", "dphi", "pa", "pb"))

@@ -101,6 +101,42 @@ def test_explicit_schemes_lose_energy_and_improve_with_shorter_windows(sim: ball
         assert 10 * implicit < lost[scheme, 2] < 0.3 * lost[scheme, 8]
 
 
+class SprungSleeper(Press):
+    """The sleeper as a mass on a spring, whose upper end moves down; the spring carries the weight from the start."""
+
+    stiffness, damping, speed = 1e5, 2e3, 0.1
+
+    def __init__(self, sim: ballast.Simulation, mass: float = 50.0) -> None:
+        super().__init__(sim, mass)
+        [self.name] = [name for name, role in sim.roles.items() if role == "sleeper"]
+        self.start = np.array(sim.save().commanded_pose(self.name)[0])
+
+    def advance(self, t0: float, t1: float, forces: couple.Rows) -> couple.Rows:
+        # The damper, too, is between the body and the upper end.
+        felt = forces[self.name] - [0, 0, self.damping * self.speed, 0, 0, 0]
+        return super().advance(t0, t1, {self.name: felt})
+
+
+@pytest.mark.parametrize("scheme", ["implicit", "staggered"])
+def test_a_coupled_mass_on_a_spring_agrees_with_a_mount(pressed: ballast.Case, beds: Path, scheme: str) -> None:
+    soft = pressed.with_values({"bed.stiffness.grain_N_per_m": 3e5, "solver.max_iterations": 2000, "solver.tolerance": 1e-5})
+    with ballast.open(soft, bed_cache=beds, threads=1, progress=False) as sim:
+        body = SprungSleeper(sim)
+        coupling = couple.Coupling(sim, body, scheme, window_steps=2, tolerance=1e-8)
+        windows = [coupling.advance().result for _ in range(120)]
+    mount = {"z": "spring", "stiffness_N_per_m": body.stiffness, "damping_N_s_per_m": body.damping, "mass_kg": body.mass}
+    with ballast.open(soft.with_values({"sleepers.mount": mount}), bed_cache=beds, threads=1, progress=False) as sim:
+        mounted = []
+        for _ in range(120):
+            times = [sim.now_ns, sim.now_ns + 2 * sim.step_ns]
+            path = [body.start - [0, 0, body.speed * t * 1e-9] for t in times]
+            mounted.append(sim.advance_to(times[1], {body.name: ballast.Motion(times, path)}))
+    peaks, works = zip(*((max(w[body.name].peak_force[2] for w in run), sum(w[body.name].work for w in run))
+                         for run in (windows, mounted)), strict=True)  # fmt: skip
+    assert peaks[0] > 400.0 and peaks[0] == pytest.approx(peaks[1], rel=0.05)
+    assert works[0] == pytest.approx(works[1], rel=0.05)
+
+
 @pytest.mark.parametrize("scheme", couple.SCHEMES)
 def test_a_restored_coupling_continues_with_the_same_bytes(pressed: ballast.Case, beds: Path, scheme: str) -> None:
     def begin() -> couple.Coupling:

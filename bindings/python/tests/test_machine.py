@@ -16,6 +16,7 @@ import ballast
 import numpy as np
 import pytest
 from conftest import ROOT
+from test_remote import KEY, Served
 
 pytest.importorskip("scipy")
 pytest.importorskip("matplotlib")
@@ -33,7 +34,8 @@ def unit(pairs_by_cycle: Any = None, **parameters: float) -> machine.TampingUnit
                         start=np.array([0.5 - 0.2 * sign, 0.1 + 0.1 * pair, 0.4]))
         for pair in (0, 1) for sign in (1.0, -1.0)
     ]  # fmt: skip
-    return machine.TampingUnit(tines, ("sleeper", [0.5, 0.1, 0.2]), STEP, machine.Parameters(**parameters), pairs_by_cycle)
+    station = machine.Station(tines, "sleeper", (0.5, 0.1, 0.2))
+    return machine.TampingUnit([station], STEP, machine.Parameters(**parameters), pairs_by_cycle)
 
 
 def run(made: machine.TampingUnit, stiffness: dict[int, float], onset: float = 0.01) -> list[str]:
@@ -85,6 +87,30 @@ def test_only_the_pairs_of_a_cycle_squeeze() -> None:
     assert sorted((stop["cycle"], stop["pair"]) for stop in made.logic["squeezes"]) == [(1, 1), (2, 0), (2, 1)]
 
 
+def test_a_unit_walks_from_sleeper_to_sleeper() -> None:
+    first = unit().stations[0]
+    tines = [SimpleNamespace(name=f"next {t.name}", direction=t.direction, pair=t.pair + 2, full_depth_z=0.2,
+                             start=t.start + [0.6, 0.0, 0.0]) for t in first.tines]  # fmt: skip
+    made = machine.TampingUnit([first, machine.Station(tines, "next", (1.1, 0.1, 0.2))], STEP)
+    forces = {name: np.zeros((2, 6)) for name in [*made.names, "sleeper", "next"]}
+    phases, t = [made.phase], 0.0
+    while made.phase != "done":
+        before = made.motion()
+        after = made.advance(t, t + 2 * STEP, forces)
+        t += 2 * STEP
+        if made.phase != phases[-1]:
+            phases.append(made.phase)
+        away = [tine.name for tine in made.stations[1 - made.station].tines]
+        assert min(before[name][2] for name in away) > 0.38, "tines away from the unit stay up"
+        # Where the unit changes places, no blade jumps.
+        assert max(np.abs(after[name][:3] - before[name][:3]).max() for name in after) < 0.005
+    cycle = ["lift", "insertion", "squeeze", "hold", "withdrawal"]
+    assert phases == [*cycle, "travel", *cycle, "done"]
+    assert [s["sleeper"] for s in made.logic["squeezes"]] == 2 * ["sleeper"] + 2 * ["next"]
+    assert [s["pair"] for s in made.logic["squeezes"]] == [0, 1, 2, 3]
+    assert after["sleeper"][2] == after["next"][2] == pytest.approx(0.22)
+
+
 def test_energy_of_the_unit_is_conserved(ended: machine.TampingUnit) -> None:
     e = ended.energies()
     drives = e["pump"] + e["eccentric motor"]
@@ -106,7 +132,7 @@ def test_the_model_gives_the_reference_figures(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(made, "advance", recorded)
     run(made, {0: 8e5, 1: 3e5})
     # Closings, load pressures of pairs, depth and supply pressure.
-    arms, pairs = len(made.names), len(made.pairs)
+    arms, pairs = len(made.names), len(made.arms_of)
     first_pair = len(machine.TRACE) + len(machine.ARM_TRACE) * arms
     columns: dict[str, Any] = {
         "depth": lambda row: [row[1]], "supply": lambda row: [row[3]],
@@ -136,7 +162,8 @@ def test_blades_move_on_arcs_and_vibrate_in_opposition() -> None:
     made = unit()
     made.y[made.at["phi"]] = 0.1
     rows, length = made.motion(), made.p.lower_length
-    for name, sign, start in zip(made.names, made.signs, made.start, strict=True):
+    for tine, sign in zip(made.stations[0].tines, made.signs, strict=True):
+        name, start = tine.name, tine.start
         assert rows[name][:3] - start == pytest.approx([sign * length * np.sin(0.1), 0.0, length * (1 - np.cos(0.1))])
         assert rows[name][4] == -sign * 0.1
     made = unit()
@@ -163,7 +190,7 @@ def place(case: ballast.Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 PROGRAM = [sys.executable, str(FOLDER / "tamp.py"), "small.toml", "--threads", "1",
-           "--set", "preset_pressure=2e6", "--set", "insertion_limit=0.12", "--checkpoint", "20"]  # fmt: skip
+           "--set", "preset_pressure=2e6", "--set", "insertion_limit=0.12", "--checkpoint", "20", "--probe", "50"]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -182,10 +209,12 @@ def test_coupled_cycle(place: Path, undisturbed: dict[str, Any]) -> None:
     assert f["given"] == pytest.approx(f["received"], rel=0.01)
     [squeeze] = f["squeezes"].values()
     assert squeeze["cause"] in machine.STOP_CAUSES and squeeze["work"] > 0.0
-    assert f["after"].keys() == f["before"].keys()
+    assert len(f["compactness"]) == 2 and f["compactness"][0].keys() == f["compactness"][1].keys()
+    assert [list(s) for s in f["support"]] == 2 * [["sleeper_1"]] and f["support"][1]["sleeper_1"]["unloading"] > 0.0
     rows = (place / "whole/table.md").read_text()
     assert "stop by" in rows and "compactness of under/sleeper_1" in rows
     assert (place / "whole/machine.png").stat().st_size > 20000
+    assert "stop by" in (place / "whole/report.html").read_text()
 
 
 def test_a_partner_killed_in_the_squeeze_continues_with_the_same_bytes(place: Path, undisturbed: dict[str, Any]) -> None:
@@ -199,6 +228,21 @@ def test_a_partner_killed_in_the_squeeze_continues_with_the_same_bytes(place: Pa
     assert done.returncode == 0, done.stdout + done.stderr
     continued = json.loads((place / "killed/figures.json").read_text())
     assert {k: v for k, v in continued.items() if k != "wall"} == {k: v for k, v in undisturbed.items() if k != "wall"}
+
+
+def test_the_same_loop_over_the_network(place: Path, beds: Path) -> None:
+    part = [*PROGRAM, "--windows", "60"]
+    here = subprocess.run([*part, "--out", "here"], capture_output=True, text=True, cwd=place)
+    assert here.returncode == 0, here.stdout + here.stderr
+    served = Served(beds, place / "serve", place / "small.toml")
+    try:
+        link = ["--connect", f"zenoh:{KEY}", "--endpoint", served.endpoint, "--out", "there"]
+        there = subprocess.run([*part, *link], capture_output=True, text=True, cwd=place)
+    finally:
+        served.end()
+    assert there.returncode == 0, there.stdout + there.stderr
+    hashes = [json.loads((place / folder / "figures.json").read_text())["hash"] for folder in ("here", "there")]
+    assert hashes[0] == hashes[1]
 
 
 def test_schemes_are_compared(place: Path) -> None:
