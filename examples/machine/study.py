@@ -82,6 +82,8 @@ def main():
         tables.append(table.assign(**settings))
     table = pd.concat(tables, ignore_index=True)
     table.to_csv(args.out / "figures.csv", index=False)
+    if "error" in table and table["error"].notna().any():
+        raise SystemExit(f"{table['error'].notna().sum()} of {len(table)} points failed: see {args.out / 'figures.csv'}")
     lines = []
     for values, group in table.groupby(names) if names else [((), table)]:
         lines += [", ".join(f"{name} = {value}" for name, value in zip(names, values, strict=True)), ""] * bool(names)

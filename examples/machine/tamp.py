@@ -185,7 +185,7 @@ def summary(run, unit, sim):
         steps = np.repeat(is_mine, [w["steps"] for w in windows])
         pairs[f"cycle {squeeze['cycle']}, {squeeze['sleeper']}, pair {squeeze['pair']}"] = squeeze | {
             "work": sum(w["pair_work"][number] for w, mine in zip(windows, is_mine, strict=True) if mine),
-            "mean_force": float(mean_force[steps][:, unit.pair_of == number].max()),
+            "mean_force": float(mean_force[steps][:, unit.pair_of == number].max(initial=0.0)),
         }
     return {
         "hash": sim.save().hash, "phase": unit.phase, "time": windows[-1]["t1"], "wall": run["wall"], "windows": len(windows),

@@ -1,17 +1,20 @@
 """Model of a track: a rail on pads and sleepers, and a wheel that passes.
 
 The rail is an Euler-Bernoulli beam of finite elements. Three sleepers stand on the simulated ballast and move in z and about
-y; beyond them the rail rests on springs. `Track` is a partner of `ballast.couple`: it integrates rail, sleepers and wheel
-by the implicit midpoint rule. The strip of ballast carries a share of one rail seat, by which all stiffnesses, masses and
-loads are multiplied. SI units.
+y. Beyond them sleepers of the model stand on springs that press but do not pull, so that a rail that is higher at one
+sleeper lifts its neighbours. `Track` is a partner of `ballast.couple`: it integrates rail, sleepers and wheel by the implicit
+midpoint rule, and its energies with them. The strip of ballast carries a share of one rail seat, by which all stiffnesses,
+masses and loads are multiplied. SI units.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 GRAVITY = 9.81
 ELEMENTS_PER_BAY = 2
+MAX_SUPPORT_ITERATIONS = 20
 
 
 @dataclass(frozen=True)
@@ -32,10 +35,12 @@ class Parameters:
     contact_stiffness: float = 1.2e9  # N/m of wheel and rail, linear; [P]
     speed: float = 30.0  # m/s
     ramp_time: float = 0.02  # s in which the load is put on and taken off; [E]
-    seating_time: float = 0.08  # s before the first wheel, under the weight of the track; [E]
+    laying_time: float = 0.08  # s in which the pads come under the load of the rail; [E]
+    seating_time: float = 0.20  # s before the first wheel, under the weight of the track; [E]
     rest_time: float = 0.04  # s after each wheel; [E]
     share: float = 0.22  # of a rail seat; [G] strip of 0.20 m, sleeper carries on some 0.9 m at a rail seat
-    outer_bays: int = 4
+    outer_bays: int = 12  # on each side; [G] a rail that is 10 mm higher at one sleeper lifts ten on each side
+    run_in_bays: int = 10  # on each side, which the wheel does not pass
 
 
 class Track:
@@ -46,12 +51,13 @@ class Track:
         start: time at which the track is laid on the sleepers, s.
         axles: number of wheels that pass, one after the other.
         parameters: parameters of the track.
+        heights: height of each sleeper above the line in which the rail is straight, m; default: on it.
     """
 
-    def __init__(self, sleepers, start, axles=1, parameters=None):
+    def __init__(self, sleepers, start, axles=1, parameters=None, heights=None):
         self.p = p = parameters or Parameters()
         self.names, self.origins = list(sleepers), np.array(list(sleepers.values()))
-        self.start, self.axles = start, axles
+        self.start, self.now, self.axles = start, start, axles
         pitch = float(self.origins[1, 0] - self.origins[0, 0])
         self.element = pitch / ELEMENTS_PER_BAY
         self.left = float(self.origins[0, 0]) - p.outer_bays * pitch
@@ -59,10 +65,12 @@ class Track:
         self.nodes = bays * ELEMENTS_PER_BAY + 1
         self.length = bays * pitch
         self.first_sleeper, self.wheel = 2 * self.nodes, 2 * self.nodes + 2 * len(self.names)
-        self.passing = (self.length - 2 * pitch) / p.speed
-        self.run_in = pitch
+        self.run_in = p.run_in_bays * pitch
+        self.passing = (self.length - 2 * self.run_in) / p.speed
+        self.heights = np.zeros(len(self.names)) if heights is None else np.asarray(heights, dtype=float)
         self._assemble()
         self.q, self.v = np.zeros(self.wheel + 1), np.zeros(self.wheel + 1)
+        self.work = dict.fromkeys(("gravity", "wheel load", "traction", "laying", "dampers", "ballast"), 0.0)
         self.trace = np.zeros((0, 0))
 
     def period(self):
@@ -79,28 +87,17 @@ class Track:
         wrench = np.stack([forces[name] for name in self.names], axis=1)
         h, rows = (t1 - t0) / len(wrench), []
         for k, row in enumerate(wrench):
-            middle = t0 + (k + 0.5) * h
-            place, load = self.wheel_at(middle)
-            force = self.weight.copy()
-            force[self.wheel] -= load
-            force[self.first_sleeper : self.wheel : 2] += row[:, 2]
-            # A positive moment about y lowers the side of larger x.
-            force[self.first_sleeper + 1 : self.wheel : 2] -= row[:, 4]
-            stiffness = self.stiffness.copy()
-            shape = self._shape(place)
-            stiffness += self.p.share * self.p.contact_stiffness * np.outer(shape, shape)
-            left = 2 / h * self.mass + self.damping + 0.5 * h * stiffness
-            mean = np.linalg.solve(left, 2 / h * (self.mass @ self.v) + force - stiffness @ self.q)
-            self.q, self.v = self.q + h * mean, 2 * mean - self.v
+            self._step(t0 + k * h, h, row)
+            place, load = self.wheel_at(t0 + (k + 0.5) * h)
             rows.append([t0 + (k + 1) * h, place, load, *self.q[self.first_sleeper : self.wheel : 2], *row[:, 2]])
         self.trace = np.array(rows)
         return self.motion()
 
     def save(self):
-        return self.q.copy(), self.v.copy()
+        return self.q.copy(), self.v.copy(), dict(self.work)
 
     def restore(self, state):
-        self.q, self.v = (part.copy() for part in state)
+        self.q, self.v, self.work = state[0].copy(), state[1].copy(), dict(state[2])
 
     def motion(self):
         """Returns the motion of the sleepers."""
@@ -114,13 +111,78 @@ class Track:
     def wheel_at(self, t):
         """Returns place along x and load of the wheel."""
         p = self.p
-        t -= self.start + p.seating_time
-        axle = min(max(int(t // self.period()), 0), self.axles - 1)
-        t -= axle * self.period()
+        t -= self.start + p.seating_time + self._axle(t) * self.period()
         moved = min(max((t - p.ramp_time) / self.passing, 0.0), 1.0)
         left = self.period() - p.rest_time - t
         load = min(max(min(t, left) / p.ramp_time, 0.0), 1.0)
         return self.left + self.run_in + moved * (self.length - 2 * self.run_in), load * p.share * p.wheel_load
+
+    def energies(self):
+        """Returns the work of the drives, energies stored and dissipated since the start, and work on the ballast, J."""
+        return {"stored": self.stored(self.now), **self.work}
+
+    def stored(self, t):
+        """Returns the kinetic and elastic energy of the current state, J; the time places the wheel."""
+        strain, overlap = self.pads @ self.q - self._laid(t), self._shape(self.wheel_at(t)[0]) @ self.q
+        sagging = np.minimum(self.q[self.outer], 0.0)
+        return 0.5 * float(
+            self.v @ self.mass @ self.v + self.q @ self.stiffness @ self.q
+            + self.p.share * (self.p.pad_stiffness * strain @ strain + self.outer_spring * sagging @ sagging
+                              + self.p.contact_stiffness * overlap**2))  # fmt: skip
+
+    # Dynamics.
+
+    def _step(self, t, h, wrench):
+        """Integrates one time step under constant forces of the ballast."""
+        if self._axle(t + 0.5 * h) != self._axle(t - 0.5 * h):
+            self._next_wheel(t - 0.5 * h, t + 0.5 * h)
+        place, load = self.wheel_at(t + 0.5 * h)
+        by_ballast = np.zeros(self.wheel + 1)
+        by_ballast[self.first_sleeper : self.wheel : 2] = wrench[:, 2]
+        # A positive moment about y lowers the side of larger x.
+        by_ballast[self.first_sleeper + 1 : self.wheel : 2] = -wrench[:, 4]
+        before, after = self._laid(t), self._laid(t + h)
+        laid, pad = 0.5 * (before + after), self.p.share * self.p.pad_stiffness
+        force = self.weight + by_ballast + pad * self.pads.T @ laid
+        force[self.wheel] -= load
+        shape, wheel_spring = self._shape(place), self.p.share * self.p.contact_stiffness
+        stiffness = self.stiffness + pad * self.pads.T @ self.pads + wheel_spring * np.outer(shape, shape)
+        rest = 2 / h * (self.mass @ self.v) + force - stiffness @ self.q
+        left = 2 / h * self.mass + self.damping + 0.5 * h * stiffness
+        pressed = self.q[self.outer] < 0.0
+        for _ in range(MAX_SUPPORT_ITERATIONS):
+            spring = np.zeros(self.wheel + 1)
+            spring[self.outer[pressed]] = self.p.share * self.outer_spring
+            mean = np.linalg.solve(left + np.diag(0.5 * h * spring), rest - spring * self.q)
+            sags = (self.q + 0.5 * h * mean)[self.outer] < 0.0
+            if (sags == pressed).all():
+                break
+            pressed = sags
+        middle, way = self.q + 0.5 * h * mean, h * mean
+        # At the end of the step the next wheel may stand on the rail.
+        distance = 4 * (place - self.wheel_at(t + 0.25 * h)[0]) if load else 0.0
+        self.work["gravity"] += float(self.weight @ way)
+        self.work["wheel load"] -= float(load * way[self.wheel])
+        self.work["traction"] += float(wheel_spring * (shape @ middle) * (self._shape(place, slope=True) @ middle) * distance)
+        self.work["laying"] -= float(pad * (self.pads @ middle - laid) @ (after - before))
+        self.work["dampers"] += float(way @ self.damping @ mean)
+        self.work["ballast"] -= float(by_ballast @ way)
+        self.q, self.v, self.now = self.q + way, 2 * mean - self.v, t + h
+
+    def _axle(self, t):
+        return min(max(int((t - self.start - self.p.seating_time) // self.period()), 0), self.axles - 1)
+
+    def _next_wheel(self, before, after):
+        """Takes the wheel off the rail and puts the next one where it begins, as deep and as fast as the rail there."""
+        stored, old, new = self.stored(before), self._shape(self.wheel_at(before)[0]), self._shape(self.wheel_at(after)[0])
+        self.q[self.wheel] += (new - old) @ self.q
+        self.v[self.wheel] += (new - old) @ self.v
+        self.work["wheel load"] += self.stored(after) - stored
+
+    def _laid(self, t):
+        """Returns the compression of the pads at which they carry nothing while the rail is laid, m."""
+        x = min(max((t - self.start) / self.p.laying_time, 0.0), 1.0)
+        return x * x * (3 - 2 * x) * np.concatenate([self.heights, np.zeros(len(self.names))])
 
     # Matrices.
 
@@ -139,31 +201,35 @@ class Track:
             self.stiffness[dofs] += bending
             self.mass[dofs] += inertia
             self.weight[2 * n : 2 * n + 4] -= p.rail_mass * GRAVITY * a / 2 * np.array([1, a / 6, 1, -a / 6])
-        turning = p.pad_length**2 / 12
+        # Rows: compression of the pads, then their rotation, of which the arm makes a length.
+        self.pads, outer = np.zeros((2 * len(self.names), size)), []
         for bay in range(0, self.nodes, ELEMENTS_PER_BAY):
             k = bay // ELEMENTS_PER_BAY - p.outer_bays
             if 0 <= k < len(self.names):
                 sleeper = self.first_sleeper + 2 * k
-                for offset, factor in ((0, 1.0), (1, turning)):
-                    pad = np.zeros(size)
-                    pad[2 * bay + offset], pad[sleeper + offset] = 1.0, -1.0
-                    self.stiffness += factor * p.pad_stiffness * np.outer(pad, pad)
-                    self.damping += factor * p.pad_damping * np.outer(pad, pad)
-                self.mass[sleeper, sleeper] += p.sleeper_mass
-                self.mass[sleeper + 1, sleeper + 1] += p.sleeper_inertia
-                self.weight[sleeper] -= p.sleeper_mass * GRAVITY
+                for row, offset, arm in ((k, 0, 1.0), (k + len(self.names), 1, p.pad_length / math.sqrt(12))):
+                    self.pads[row, 2 * bay + offset], self.pads[row, sleeper + offset] = arm, -arm
             else:
-                self.stiffness[2 * bay, 2 * bay] += 1 / (1 / p.pad_stiffness + 1 / p.outer_stiffness)
-                self.damping[2 * bay, 2 * bay] += p.outer_damping
+                sleeper = 2 * bay
+                outer.append(sleeper)
+                self.damping[sleeper, sleeper] += p.outer_damping
+            self.mass[sleeper, sleeper] += p.sleeper_mass
+            self.mass[sleeper + 1, sleeper + 1] += p.sleeper_inertia
+            self.weight[sleeper] -= p.sleeper_mass * GRAVITY
+        self.damping += p.pad_damping * self.pads.T @ self.pads
+        self.outer, self.outer_spring = np.array(outer), 1 / (1 / p.pad_stiffness + 1 / p.outer_stiffness)
         self.mass[self.wheel, self.wheel] += p.wheel_mass
         for matrix in (self.mass, self.stiffness, self.damping, self.weight):
             matrix *= p.share
 
-    def _shape(self, place):
-        """Returns the overlap of wheel and rail by the degrees of freedom."""
+    def _shape(self, place, slope=False):
+        """Returns the overlap of wheel and rail by the degrees of freedom, or its derivative by the place."""
         n = min(int((place - self.left) / self.element), self.nodes - 2)
         s, a = (place - self.left) / self.element - n, self.element
         shape = np.zeros(self.wheel + 1)
+        if slope:
+            shape[2 * n : 2 * n + 4] = [6 * s * (s - 1) / a, (1 - s) * (1 - 3 * s), 6 * s * (1 - s) / a, s * (3 * s - 2)]
+            return shape
         shape[2 * n : 2 * n + 4] = [1 - 3 * s**2 + 2 * s**3, a * s * (1 - s) ** 2, 3 * s**2 - 2 * s**3, -a * s**2 * (1 - s)]
         shape[self.wheel] = -1.0
         return shape

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import functools
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import ballast
-import pytest
+# Small matrices of the examples: threads would only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import ballast  # noqa: E402
+import pytest  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[3]
 

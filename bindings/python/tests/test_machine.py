@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import os
 import signal
@@ -243,6 +244,19 @@ def test_the_same_loop_over_the_network(place: Path, beds: Path) -> None:
     assert there.returncode == 0, there.stdout + there.stderr
     hashes = [json.loads((place / folder / "figures.json").read_text())["hash"] for folder in ("here", "there")]
     assert hashes[0] == hashes[1]
+
+
+def test_imposed_motion_is_compared_with_the_loop(place: Path) -> None:
+    short = {"preset_pressure": 2e6, "lift_time": 0.02, "insertion_time": 0.05, "insertion_limit": 0.06, "squeeze_time": 0.08,
+             "withdrawal_time": 0.05}  # fmt: skip
+    settings = [text for name, value in short.items() for text in ("--set", f"{name}={value}")]
+    program = [sys.executable, FOLDER / "study.py", "small.toml", "--seeds", "3", "--jobs", "1", "--out", "study", *settings]
+    done = subprocess.run(program, capture_output=True, text=True, cwd=place)
+    assert done.returncode == 0, done.stdout + done.stderr
+    [row] = csv.DictReader((place / "study/figures.csv").open())
+    assert float(row["same closing: mean closing, mm"]) == pytest.approx(float(row["loop: mean closing, mm"]), rel=0.3)
+    assert float(row["imposed: work on the ballast, J"]) > float(row["loop: work on the ballast, J"]) > 0.0
+    assert "imposed less loop" in (place / "study/study.md").read_text()
 
 
 def test_schemes_are_compared(place: Path) -> None:
