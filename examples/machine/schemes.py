@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 def stretch(sim, start, checkpoint, args, scheme, steps, acceleration="iqn-ils", tolerance=2e-6):
     """Returns ways of the blades at common times, energy lost at the interface, iterations and wall time."""
     options = argparse.Namespace(scheme=scheme, acceleration=acceleration, window=steps, tolerance=tolerance,
-                                 pairs="", set=args.set, imposed=False)  # fmt: skip
+                                 pairs="", set=args.set, imposed=False, max_iterations=20)  # fmt: skip
     # The unit begins where its case does.
     sim.restore(start)
     coupling, unit = tamp.coupled(sim, sim.case, options)

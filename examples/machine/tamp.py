@@ -38,6 +38,7 @@ def arguments(texts=None):
     parser.add_argument("--acceleration", choices=couple.ACCELERATIONS, default="iqn-ils", help="acceleration")
     parser.add_argument("--window", type=int, default=2, help="time steps of a window")
     parser.add_argument("--tolerance", type=float, default=2e-6, help="tolerance of the implicit scheme, m")
+    parser.add_argument("--max-iterations", type=int, default=60, help="largest number of iterations of a window")
     parser.add_argument("--pairs", default="", help="pairs that squeeze in each cycle, such as 0/0,1; default: one cycle of all")
     parser.add_argument("--imposed", action="store_true", help="impose the motion of the unit without load")
     parser.add_argument("--probe", type=float, default=0, metavar="N", help="load that probes the support of the sleepers, N")
@@ -107,7 +108,7 @@ def coupled(sim, case, args):
     unit = machine.TampingUnit(stations(sim), sim.step_ns * 1e-9, parameters, pairs, is_loaded=not args.imposed)
     scheme = "staggered" if args.imposed else args.scheme
     return couple.Coupling(sim, unit, scheme, window_steps=args.window, acceleration=args.acceleration,
-                           tolerance=args.tolerance), unit  # fmt: skip
+                           tolerance=args.tolerance, max_iterations=args.max_iterations), unit  # fmt: skip
 
 
 def stations(sim):

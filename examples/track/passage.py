@@ -5,8 +5,8 @@
 
 The track (`track.py`) and the bed are coupled implicitly by `ballast.couple`. Between the two series of passages the unit of
 `examples/machine` tamps the middle sleeper; the rail, which was straight before, then lies higher there and lifts the
-neighbours. Written are `table.md`, `figures.json` and `track.png`, and a checkpoint every 50 windows; `--resume` continues from it, with the same
-bytes as an undisturbed run.
+neighbours. Written are `table.md`, `figures.json` and `track.png`, and a checkpoint every 50 windows; `--resume` continues
+from it, with the same bytes as an undisturbed run.
 """
 
 import argparse
