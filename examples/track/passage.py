@@ -28,6 +28,7 @@ from ballast import couple
 HERE = Path(__file__).parent
 sys.path.append(str(HERE.parent / "machine"))
 import machine  # noqa: E402
+import tamp as tamp_example  # noqa: E402
 
 PRESS_SPEED = 0.02  # m/s
 SERIES = ("before", "after")
@@ -39,7 +40,7 @@ def arguments():
     parser.add_argument("--out", type=Path, default=Path("runs/track"), help="folder of the results")
     parser.add_argument("--axles", type=int, default=3, help="wheels of each series")
     parser.add_argument("--consolidation", type=float, default=10e3, help="load that presses each sleeper before, N")
-    parser.add_argument("--seating", type=float, default=1e3, help="load on which the tamped sleeper is let down, N")
+    parser.add_argument("--seating", type=float, default=1e3, help="load that presses the tamped sleeper after tamping, N")
     parser.add_argument("--window", type=int, default=2, help="time steps of a window")
     parser.add_argument("--tolerance", type=float, default=1e-6, help="tolerance of the coupling, m")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter of the track")
@@ -65,11 +66,11 @@ def main():
         if "after" not in runs:
             if going is None:
                 sim.restore(runs["before"]["start"])
-                tamp(sim, sleepers[len(sleepers) // 2], args)
-                # The tamped sleeper is let down until the ballast carries it.
-                press(sim, [sleepers[len(sleepers) // 2]], args.seating)
+                runs["before"]["tamping"] = tamp(sim, args)
+                press(sim, [tamped(sim)], args.seating)
             runs["after"] = passages(sim, args, runs, going)
-        figures = {when: summary(run, model(run, args)) for when, run in runs.items()} | {"hash": sim.save().hash}
+        figures = {when: summary(run, model(run, args)) for when, run in runs.items()}
+        figures |= {"tamping": runs["before"]["tamping"], "hash": sim.save().hash}
     (args.out / "figures.json").write_text(json.dumps(figures, indent=1))
     text = "\n".join(table(figures))
     (args.out / "table.md").write_text(text + "\n")
@@ -90,23 +91,31 @@ def press(sim, sleepers, load, cycles=1):
             moving = [name for name in moving if not is_reached(result[name].mean_force[2])]
 
 
-def tamp(sim, sleeper, args):
-    """Tamps a sleeper with a tamping unit in the loop."""
-    station = machine.Station(sim.tines, sleeper, sim.save().commanded_pose(sleeper)[0])
+def tamped(sim):
+    """Returns the sleeper that the tines of the case tamp."""
+    stations = tamp_example.stations(sim)
+    if len(stations) != 1:
+        raise SystemExit(f"tamped sleepers: expected one, found {len(stations)}; set `tamped` in the case")
+    return stations[0].sleeper
+
+
+def tamp(sim, args):
+    """Tamps a sleeper with a tamping unit in the loop; returns numbers of windows, and of those not converged."""
     others = {name: float(value) for name, value in (text.split("=") for text in args.unit)}
     parameters = machine.Parameters.of_case(sim.case, **others)
-    unit = machine.TampingUnit([station], sim.step_ns * 1e-9, parameters, start=sim.now_ns * 1e-9)
-    coupling, windows = couple.Coupling(sim, unit, window_steps=args.window, tolerance=2 * args.tolerance), 0
+    unit = machine.TampingUnit(tamp_example.stations(sim), sim.step_ns * 1e-9, parameters, start=sim.now_ns * 1e-9)
+    coupling = couple.Coupling(sim, unit, window_steps=args.window, tolerance=2 * args.tolerance, max_iterations=60)
+    converged = []
     while unit.phase != "done":
-        coupling.advance()
-        windows += 1
-        if windows % args.checkpoint == 0:
+        converged.append(coupling.advance().is_converged)
+        if len(converged) % args.checkpoint == 0:
             print(f"tamping  {unit.phase}", flush=True)
     # The blades stop where they are, above the ballast.
     t0, t1, state = sim.now_ns, sim.now_ns + sim.step_ns, sim.save()
     poses = {name: state.commanded_pose(name) for name in unit.motion()}
     stopped = {name: ballast.Motion([t0, t1], [x, x], [q, q], allow_jump=True) for name, (x, q) in poses.items()}
     check(sim.advance_to(t1, stopped))
+    return {"windows": len(converged), "not_converged": converged.count(False)}
 
 
 def check(result):
@@ -116,7 +125,7 @@ def check(result):
 
 def model(run, args):
     """Returns the track on the sleepers of a run."""
-    others = {name: float(value) for name, value in (text.split("=") for text in args.set)}
+    others = {name: type(getattr(track.Parameters, name))(value) for name, value in (text.split("=") for text in args.set)}
     return track.Track(run["sleepers"], run["start"].time_ns * 1e-9, args.axles, track.Parameters(**others), run["heights"])
 
 
@@ -144,17 +153,10 @@ def passages(sim, args, runs, going):
         run["windows"].append([window.iterations, window.is_converged, window.work_given, window.work_received])
         if len(run["windows"]) % args.checkpoint == 0 or sim.now_ns >= end:
             run["energies"] = partner.energies()
-            write_whole(args.out / "checkpoint.pickle", pickle.dumps((runs, (run, coupling.save()))))
+            tamp_example.write_whole(args.out / "checkpoint.pickle", pickle.dumps((runs, (run, coupling.save()))))
             done = (sim.now_ns - run["start"].time_ns) * 1e-9 / partner.duration()
             print(f"{when} tamping  {100 * min(done, 1):.0f} %  {window.iterations} iterations", flush=True)
     return run
-
-
-def write_whole(path, content):
-    """Writes a file that is complete whenever the program is killed."""
-    part = path.with_suffix(".part")
-    part.write_bytes(content)
-    part.replace(path)
 
 
 def parts(run):
@@ -229,6 +231,8 @@ def table(figures):
               lambda f: f"{f['windows']}; {f['median_iterations']:.0f}, {f['max_iterations']}")  # fmt: skip
     yield row("windows not converged", lambda f: str(f["not_converged"]))
     yield row("wall time, s", lambda f: f"{f['wall']:.0f}")
+    t = figures["tamping"]
+    yield f"| windows of the tamping, and those not converged | | {t['windows']}, {t['not_converged']} |"
 
 
 def draw(runs, sleepers, path):

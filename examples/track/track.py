@@ -29,7 +29,7 @@ class Parameters:
     sleeper_mass: float = 150.0  # kg, half of a concrete sleeper; [P] 300 kg
     sleeper_inertia: float = 1.2  # kg m2 about y; [E] block of 0.26 x 0.21 m
     outer_stiffness: float = 4e7  # N/m of the ballast below each outer sleeper; [P] 20 to 100 kN/mm
-    outer_damping: float = 8e4  # N s/m; [E]
+    outer_damping: float = 8e4  # N s/m of the ballast below and beside each outer sleeper, which damps a hanging one, too; [E]
     wheel_load: float = 100e3  # N with the weight of the wheel; [P] axle of 20 t
     wheel_mass: float = 600.0  # kg unsprung; [E]
     contact_stiffness: float = 1.2e9  # N/m of wheel and rail, linear; [P]
@@ -158,6 +158,8 @@ class Track:
             if (sags == pressed).all():
                 break
             pressed = sags
+        else:
+            raise RuntimeError("outer sleepers: expected a steady set of pressed springs, found none; use a shorter time step")
         middle, way = self.q + 0.5 * h * mean, h * mean
         # At the end of the step the next wheel may stand on the rail.
         distance = 4 * (place - self.wheel_at(t + 0.25 * h)[0]) if load else 0.0

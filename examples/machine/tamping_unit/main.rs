@@ -10,7 +10,7 @@
 mod model;
 
 use ballast_coupling::{Coupling, CouplingSettings, Window};
-use ballast_protocol::description::{ComponentDescription, TineDescription};
+use ballast_protocol::description::{BodyDescription, ComponentDescription, TineDescription};
 use ballast_zenoh::session::DEFAULT_ENDPOINT;
 use ballast_zenoh::{Client, SessionConfig, Timeouts};
 use model::{Parameters, Phase, Sleeper, TampingUnit, Tine};
@@ -122,9 +122,6 @@ fn unit(
     description: &ComponentDescription,
     parameters: Parameters,
 ) -> Result<TampingUnit, Box<dyn Error>> {
-    if description.tines.is_empty() {
-        return Err("expected a case with tines and [tamping], found none".into());
-    }
     let numbers: BTreeSet<u32> = description.tines.iter().map(|tine| tine.pair).collect();
     let tine = |tine: &TineDescription| Tine {
         name: tine.body.clone(),
@@ -135,12 +132,26 @@ fn unit(
     let tines = description.tines.iter().map(tine).collect();
     let ways = description.tines.iter().map(|tine| tine.start.z - tine.full_depth_z);
     let travel = ways.fold(0.0, f64::max);
-    let body = description.bodies.iter().find(|body| body.role == "sleeper");
-    let body = body.ok_or("expected a sleeper, found none")?;
+    let body = tamped_sleeper(description)?;
     let start = [body.position.x, body.position.y, body.position.z];
     let sleeper = Sleeper { name: body.name.clone(), start };
     let pairs = (0..numbers.len()).collect();
     Ok(TampingUnit::new(tines, sleeper, travel, parameters, vec![pairs]))
+}
+
+/// Returns the sleeper that is nearest along the track to all tines.
+fn tamped_sleeper(description: &ComponentDescription) -> Result<&BodyDescription, Box<dyn Error>> {
+    let sleepers = description.bodies.iter().filter(|body| body.role == "sleeper");
+    let nearest = |tine: &TineDescription| {
+        let distance = |body: &&BodyDescription| (body.position.x - tine.start.x).abs();
+        sleepers.clone().min_by(|a, b| distance(a).total_cmp(&distance(b)))
+    };
+    let mut tamped: Vec<_> = description.tines.iter().filter_map(nearest).collect();
+    tamped.dedup_by_key(|body| &body.name);
+    match tamped[..] {
+        [body] => Ok(body),
+        _ => Err(format!("tamped sleepers: expected one, found {}", tamped.len()).into()),
+    }
 }
 
 /// Tamps until the cycle is done, or for a number of windows.
@@ -188,7 +199,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut parameters = Parameters::of_case();
     for (name, value) in values.iter().filter_map(|text| text.split_once('=')) {
         let parameter = parameters.by_name(name);
-        *parameter.ok_or(format!("{name}: expected a parameter of the unit"))? = value.parse()?;
+        *parameter.ok_or(format!(
+            "{name}: expected a parameter of the unit, found none of this name"
+        ))? = value.parse()?;
     }
     let windows = rest.first().map_or(Ok(usize::MAX), |count| count.parse())?;
     let link = SessionConfig::connect_to(rest.get(1).map_or(DEFAULT_ENDPOINT, |e| e));
@@ -197,8 +210,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         return Err(format!("{key}: expected a run at its start; serve the case again").into());
     }
     let unit = unit(&client.describe()?, parameters)?;
-    let settings =
-        CouplingSettings { window_steps: 2, tolerance: 2e-6, ..CouplingSettings::default() };
+    let settings = CouplingSettings {
+        window_steps: 2,
+        tolerance: 2e-6,
+        max_iterations: 60,
+        ..CouplingSettings::default()
+    };
     let mut coupling = Coupling::new(client, unit, settings)?;
     let figures = tamp(&mut coupling, windows)?;
     figures.print(coupling.partner());
