@@ -169,6 +169,20 @@ def test_a_failed_window_changes_neither_side(sim: ballast.Simulation) -> None:
     assert sim.save().hash == before and press.state is state
 
 
+def test_a_guess_too_far_for_the_ballast_is_taken_back(sim: ballast.Simulation, monkeypatch: pytest.MonkeyPatch) -> None:
+    guess, far = couple._Guess.next, []
+
+    def first_too_far(self: couple._Guess, followed: couple.Floats, answer: couple.Floats) -> couple.Floats:
+        if not far:
+            far.append(followed + 0.5)
+            return far[0]
+        return guess(self, followed, answer)
+
+    monkeypatch.setattr(couple._Guess, "next", first_too_far)
+    windows = run(couple.Coupling(sim, Press(sim), tolerance=1e-7), 240)
+    assert far and all(w.is_converged for w in windows)
+
+
 def test_bodies_on_springs_are_refused(case: ballast.Case, beds: Path) -> None:
     with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
         with pytest.raises(ValueError, match="rigid = true"):

@@ -2,7 +2,9 @@
 
 use crate::guess::MotionGuess;
 use crate::motion::{MotionScale, cubic_motion, displacements, start_row};
-use crate::{CouplingSettings, Error, ForceRows, MotionRows, Partner, Scheme, Simulation};
+use crate::{
+    CouplingSettings, Error, ForceRows, MotionRow, MotionRows, Partner, Scheme, Simulation,
+};
 use ballast_protocol::description::{BodyDescription, ComponentDescription};
 use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::{AdvanceReply, BodySeries, ReplyStatus};
@@ -172,9 +174,22 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
         let mut guess = self.advance_partner(&self.last_forces())?;
         let scale = self.scale();
         self.guess.begin_window();
+        let mut last: Option<MotionRows> = None;
         let mut iterations = 1;
         loop {
-            let reply = self.side.compute(&guess)?;
+            let reply = match (self.side.compute(&guess), &last) {
+                (Err(Error::Window(_)), Some(last))
+                    if iterations < self.settings.max_iterations =>
+                {
+                    // The guess was too far for the ballast.
+                    guess = halfway(last, &guess);
+                    self.guess.forget();
+                    iterations += 1;
+                    continue;
+                }
+                (reply, _) => reply?,
+            };
+            last = Some(guess.clone());
             let forces = self.side.forces(&reply);
             self.partner.restore(before);
             let given = self.advance_partner(&forces)?;
@@ -241,6 +256,14 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
     fn scale(&self) -> MotionScale {
         MotionScale::new(self.settings.lever, self.side.length())
     }
+}
+
+/// Returns the rows half the way from one motion to another.
+fn halfway(from: &MotionRows, to: &MotionRows) -> MotionRows {
+    let row = |(name, row): (&String, &MotionRow)| {
+        (name.clone(), std::array::from_fn(|c| 0.5 * (from[name][c] + row[c])))
+    };
+    to.iter().map(row).collect()
 }
 
 impl<S: Simulation> SimulationSide<S> {

@@ -47,6 +47,12 @@ impl MotionGuess {
         self.last = None;
     }
 
+    /// Forgets the differences, which have led too far.
+    pub fn forget(&mut self) {
+        self.reused.clear();
+        self.differences.clear();
+    }
+
     /// Returns the next guess after the ballast followed one motion and the partner answered with another.
     pub fn next(&mut self, followed: &DVector<f64>, answer: &DVector<f64>) -> DVector<f64> {
         let residual = answer - followed;

@@ -228,8 +228,18 @@ class Coupling:
     def _iterate(self, before: Any, guess: Rows) -> Window:
         names, scale = list(guess), self._scale(len(guess))
         self._guess.begin_window()
+        last: Rows = {}
         for iteration in range(1, self.max_iterations + 1):
-            result = self._advance_simulation(guess, again=iteration > 1)
+            try:
+                result = self._advance_simulation(guess, again=self.sim.now_ns != self._t0_ns)
+            except (CouplingError, ballast.RequestError):
+                if not last or iteration == self.max_iterations:
+                    raise
+                # The guess was too far for the ballast.
+                guess = {name: 0.5 * (last[name] + row) for name, row in guess.items()}
+                self._guess.forget()
+                continue
+            last = guess
             forces = self._forces(result)
             self.partner.restore(before)
             given = self._advance_partner(forces)
@@ -334,6 +344,10 @@ class _Guess:
         if self.differences:
             self.reused = [self.differences, *self.reused][:REUSED_WINDOWS]
         self.differences, self.last = [], None
+
+    def forget(self) -> None:
+        """Forgets the differences, which have led too far."""
+        self.reused, self.differences = [], []
 
     def next(self, followed: Floats, answer: Floats) -> Floats:
         residual = answer - followed
