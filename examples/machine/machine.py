@@ -247,7 +247,7 @@ class TampingUnit:
     def _lift(self, station, t):
         """Returns height and speed of the sleeper of a station."""
         x = min(max((t - self.logic["lifted"][station]) / self.p.lift_time, 0.0), 1.0)
-        rate = 0.0 if x in (0.0, 1.0) else 6 * x * (1 - x) / self.p.lift_time
+        rate = 6 * x * (1 - x) / self.p.lift_time
         return self.p.lift_height * x * x * (3 - 2 * x), self.p.lift_height * rate
 
     def closing(self):

@@ -22,8 +22,8 @@ HERE = Path(__file__).parent
 
 def stretch(sim, start, checkpoint, args, scheme, steps, acceleration="iqn-ils", tolerance=2e-6):
     """Returns ways of the blades at common times, energy lost at the interface, iterations and wall time."""
-    options = argparse.Namespace(scheme=scheme, acceleration=acceleration, window=steps, tolerance=tolerance,
-                                 pairs="", set=args.set, imposed=False, max_iterations=20)  # fmt: skip
+    chosen = {"scheme": scheme, "acceleration": acceleration, "window": steps, "tolerance": tolerance, "max_iterations": 20}
+    options = argparse.Namespace(**args.run | chosen)
     # The unit begins where its case does.
     sim.restore(start)
     coupling, unit = tamp.coupled(sim, sim.case, options)
@@ -47,9 +47,8 @@ def main():
     parser.add_argument("--case", default=HERE / "tamping.toml", help="case file of the run")
     parser.add_argument("--steps", type=int, default=32, help="time steps of the stretch")
     parser.add_argument("--common", type=int, default=8, help="longest window, time steps; it divides the stretch")
-    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="parameter of the unit")
     args = parser.parse_args()
-    checkpoint, _ = pickle.loads((args.folder / "checkpoint.pickle").read_bytes())
+    args.run, (checkpoint, _) = pickle.loads((args.folder / "checkpoint.pickle").read_bytes())
     lengths = [n for n in (8, 4, 2, 1) if n <= args.common]
     head = ["scheme", "steps of a window", "error of the blades, mm", "energy lost, % of the work",
             "iterations, median and largest", "time steps solved", "wall time, s"]  # fmt: skip

@@ -10,6 +10,7 @@ stopped study continues where it was.
 """
 
 import argparse
+import hashlib
 import itertools
 import sys
 from functools import partial
@@ -24,8 +25,8 @@ HERE = Path(__file__).parent
 KINDS = ("loop", "imposed", "same closing")
 
 
-def measure(case, beds, *, settings, folder):
-    """Returns figures of the three cycles on a bed."""
+def measure(case, beds, *, settings, folder, source):
+    """Returns figures of the three cycles on a bed; `source` is a digest of the programs, so that changed ones run again."""
     sys.path.insert(0, folder)
     import tamp
 
@@ -78,7 +79,8 @@ def main():
     for values in itertools.product(*(text.partition("=")[2].split(",") for text in args.set)):
         settings = dict(zip(names, values, strict=True))
         points = study.grid({"bed.seed": [int(seed) for seed in args.seeds.split(",")]})
-        table = study.run(case, points, args.out, measure=partial(measure, settings=settings, folder=str(HERE)), jobs=args.jobs)
+        bound = partial(measure, settings=settings, folder=str(HERE), source=digest())
+        table = study.run(case, points, args.out, measure=bound, jobs=args.jobs)
         tables.append(table.assign(**settings))
     table = pd.concat(tables, ignore_index=True)
     table.to_csv(args.out / "figures.csv", index=False)
@@ -90,6 +92,11 @@ def main():
         lines += [*report(group), ""]
     (args.out / "study.md").write_text("\n".join(lines))
     print("\n".join(lines))
+
+
+def digest():
+    programs = [(HERE / name).read_bytes() for name in ("machine.py", "tamp.py", "study.py")]
+    return hashlib.sha256(b"".join(programs)).hexdigest()
 
 
 def report(table):

@@ -25,6 +25,8 @@ import numpy as np
 from ballast import couple
 
 HERE = Path(__file__).parent
+#: Options that a resumed run must have as before.
+KEPT = ("seed", "scheme", "acceleration", "window", "tolerance", "max_iterations", "pairs", "imposed", "probe", "set")
 
 
 def arguments(texts=None):
@@ -52,20 +54,24 @@ def arguments(texts=None):
 
 def main():
     args = arguments()
+    if args.resume and args.connect:
+        raise SystemExit("--resume: expected a bed of this process, found --connect; serve the case again and start from its beginning")
     args.out.mkdir(parents=True, exist_ok=True)
     with opened(args) as sim:
+        if args.connect and sim.now_ns > 0:
+            raise SystemExit(f"{args.connect}: expected a run at its start, found one at {sim.now_ns * 1e-9:.4f} s; serve it with --force")
         coupling, unit = coupled(sim, ballast.Case.load(args.case), args)
         run = new_run(sim, args)
         saved = args.out / "checkpoint.pickle"
         if args.resume:
-            checkpoint, run = pickle.loads(saved.read_bytes())
+            checkpoint, run = read_checkpoint(saved, args, KEPT)
             coupling.restore(checkpoint)
         else:
             run["support"].append(support(sim, unit, args))
         for window in cycle_windows(coupling, unit, run, args):
             if len(run["windows"]) % args.checkpoint == 0:
                 if not args.connect:
-                    write_whole(saved, pickle.dumps((coupling.save(), run)))
+                    write_checkpoint(saved, args, KEPT, (coupling.save(), run))
                 print(f"{sim.now_ns * 1e-9:.3f} s  {unit.phase}  {window.iterations} iterations", flush=True)
         run["support"].append(support(sim, unit, args))
         figures = summary(run, unit, sim)
@@ -118,7 +124,7 @@ def stations(sim):
     for tine in sim.tines:
         tines.setdefault(min(places, key=lambda name: abs(places[name][0] - tine.start[0])), []).append(tine)
     if not tines:
-        raise SystemExit("expected a case with tines and [tamping], found none")
+        raise SystemExit("tines: expected a case with tines and [tamping], found none")
     return [machine.Station(tines[name], name, places[name]) for name in sorted(tines, key=lambda name: places[name][0])]
 
 
@@ -134,11 +140,23 @@ def support(sim, unit, args):
     return {name: {key: probe[key] for key in ("loading", "unloading", "rest")} for name, probe in probes.items()}
 
 
-def write_whole(path, content):
-    """Writes a file that is complete whenever the program is killed."""
+def write_checkpoint(path, args, kept, state):
+    """Writes a state and the options of its run to a file that is complete whenever the program is killed."""
     part = path.with_suffix(".part")
-    part.write_bytes(content)
+    part.write_bytes(pickle.dumps(({name: getattr(args, name) for name in kept}, state)))
     part.replace(path)
+
+
+def read_checkpoint(path, args, kept):
+    """Returns the state of a checkpoint whose options are those given."""
+    if not path.exists():
+        raise SystemExit(f"{path}: expected a checkpoint, found none; run without --resume")
+    options, state = pickle.loads(path.read_bytes())
+    for name in kept:
+        if options[name] != getattr(args, name):
+            option = "--" + name.replace("_", "-")
+            raise SystemExit(f"{option}: expected {options[name]!r} as before, found {getattr(args, name)!r}")
+    return state
 
 
 def keep(run, window, unit, phase):
@@ -264,7 +282,7 @@ def draw(run, unit, path):
         closing = smooth(trace["closing"][:, [k]], period)[:, 0] * 1e3
         squeezed = np.repeat([w["phase"] in ("squeeze", "hold") for w in windows], [w["steps"] for w in windows])
         loops.plot(np.where(squeezed, closing, np.nan), np.where(squeezed, mean, np.nan), colour, label=name)
-    for k, pair in enumerate(unit.stations[0].pairs()):
+    for k, pair in enumerate(unit.stations[0].pairs() if len(unit.stations) == 1 else range(len(unit.arms_of))):
         pressure.plot(t, trace["load_pressure"][:, k] / 1e5, f"C{4 + k}", lw=2, label=f"sensor of pair {pair}")
     pressure.plot(t, trace["supply"] / 1e5, "k", lw=0.8, label="supply")
     pressure.axhline(unit.p.preset_pressure / 1e5, color="grey", ls="--", lw=0.8, label="preset")

@@ -12,7 +12,6 @@ from it, with the same bytes as an undisturbed run.
 import argparse
 import json
 import os
-import pickle
 import sys
 import time
 from pathlib import Path
@@ -32,6 +31,8 @@ import tamp as tamp_example  # noqa: E402
 
 PRESS_SPEED = 0.02  # m/s
 SERIES = ("before", "after")
+#: Options that a resumed run must have as before.
+KEPT = ("axles", "consolidation", "seating", "window", "tolerance", "set", "unit")
 
 
 def arguments():
@@ -56,7 +57,7 @@ def main():
     args.out.mkdir(parents=True, exist_ok=True)
     runs, going = {}, None
     if args.resume:
-        runs, going = pickle.loads((args.out / "checkpoint.pickle").read_bytes())
+        runs, going = tamp_example.read_checkpoint(args.out / "checkpoint.pickle", args, KEPT)
     with ballast.open(args.case, threads=args.threads) as sim:
         sleepers = [name for name, role in sim.roles.items() if role == "sleeper"]
         if "before" not in runs:
@@ -153,7 +154,7 @@ def passages(sim, args, runs, going):
         run["windows"].append([window.iterations, window.is_converged, window.work_given, window.work_received])
         if len(run["windows"]) % args.checkpoint == 0 or sim.now_ns >= end:
             run["energies"] = partner.energies()
-            tamp_example.write_whole(args.out / "checkpoint.pickle", pickle.dumps((runs, (run, coupling.save()))))
+            tamp_example.write_checkpoint(args.out / "checkpoint.pickle", args, KEPT, (runs, (run, coupling.save())))
             done = (sim.now_ns - run["start"].time_ns) * 1e-9 / partner.duration()
             print(f"{when} tamping  {100 * min(done, 1):.0f} %  {window.iterations} iterations", flush=True)
     return run

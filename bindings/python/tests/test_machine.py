@@ -225,6 +225,8 @@ def test_a_partner_killed_in_the_squeeze_continues_with_the_same_bytes(place: Pa
         assert any("squeeze" in line for line in killed.stdout), "no checkpoint in the squeeze"
         killed.send_signal(signal.SIGKILL)
     assert not (place / "killed/figures.json").exists()
+    other = subprocess.run([*program, "--resume", "--window", "4"], capture_output=True, text=True, cwd=place)
+    assert other.returncode == 1 and "--window: expected 2 as before, found 4" in other.stderr
     done = subprocess.run([*program, "--resume"], capture_output=True, text=True, cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
     continued = json.loads((place / "killed/figures.json").read_text())
@@ -263,7 +265,7 @@ def test_schemes_are_compared(place: Path) -> None:
     done = subprocess.run([*PROGRAM, "--out", "part", "--windows", "120"], capture_output=True, text=True, cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
     program = [sys.executable, FOLDER / "schemes.py", "part", "--case", "small.toml", "--steps", "8", "--common", "2"]
-    done = subprocess.run([*program, "--set", "preset_pressure=2e6"], capture_output=True, text=True, cwd=place)
+    done = subprocess.run(program, capture_output=True, text=True, cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
     rows = [line.split(" | ") for line in (place / "part/schemes.md").read_text().splitlines()[2:]]
     errors = {(row[0].strip("| "), int(row[1])): float(row[2]) for row in rows}
