@@ -1,8 +1,7 @@
 //! Properties of a simulation that stepping does not change.
 
 use crate::bodies::BodyInfo;
-use crate::local::SharedContext;
-use ballast::track::TampingCycle;
+use crate::local::LocalBackend;
 use ballast_protocol::description::TineDescription;
 use ballast_zenoh::ComponentDescription;
 use std::sync::Arc;
@@ -23,14 +22,14 @@ pub struct SimulationInfo {
 
 impl SimulationInfo {
     /// Returns the properties of a simulation of this process.
-    pub fn local(context: &SharedContext) -> Self {
+    pub fn local(local: &LocalBackend) -> Self {
+        let context = local.context();
         let model = &context.model;
-        let cycle = TampingCycle::new(&context.case.plan, model);
         Self {
             name: context.case.plan.name.clone(),
             names: Arc::clone(&context.names),
             bodies: model.driven.iter().map(Into::into).collect(),
-            tines: cycle.map_or_else(|_| Vec::new(), |cycle| TineDescription::of(&cycle, model)),
+            tines: TineDescription::of(local.cycle(), model),
             step_ns: model.stepping.step_ns,
             schedule: model.solver.schedule.name().into(),
             grain_count: model.grains.len(),

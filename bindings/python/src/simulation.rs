@@ -56,13 +56,12 @@ impl AnyBackend {
 impl PySimulation {
     /// Returns a simulation of this process.
     pub fn local(local: LocalBackend) -> Self {
-        let context = local.context().clone();
         Self {
             calls: Arc::clone(local.calls()),
             last_result: Arc::clone(local.last_result()),
+            info: SimulationInfo::local(&local),
+            context: Some(local.context().clone()),
             backend: Mutex::new(Some(AnyBackend::Local(Box::new(local)))),
-            info: SimulationInfo::local(&context),
-            context: Some(context),
         }
     }
 
