@@ -1,7 +1,7 @@
 //! Coupling of a simulation and a partner, advanced in windows.
 
 use crate::guess::MotionGuess;
-use crate::motion::{MotionScale, cubic_motion, displacements, start_row};
+use crate::motion::{MotionScale, cubic_motion, displacements, start_motion};
 use crate::{
     CouplingSettings, Error, ForceRows, MotionRow, MotionRows, Partner, Scheme, Simulation,
 };
@@ -130,8 +130,8 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
         let before = self.partner.save();
         let exchange = match self.settings.scheme {
             // Only the partner knows which bodies it moves, so the first window is staggered.
-            Scheme::Parallel if !self.given.is_empty() => self.exchange_at_once(),
-            Scheme::Parallel | Scheme::Staggered => self.exchange_in_turn(),
+            Scheme::Parallel if !self.given.is_empty() => self.exchange_parallel(),
+            Scheme::Parallel | Scheme::Staggered => self.exchange_staggered(),
             Scheme::Implicit => self.iterate(&before),
         };
         match exchange {
@@ -143,7 +143,7 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
         }
     }
 
-    fn exchange_in_turn(&mut self) -> Result<Exchange, Error> {
+    fn exchange_staggered(&mut self) -> Result<Exchange, Error> {
         let forces = self.last_forces();
         let given = self.advance_partner(&forces)?;
         let reply = self.side.compute(&given)?;
@@ -151,7 +151,7 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
         Ok(Exchange { iterations: 1, residual: 0.0, given, followed, forces, reply })
     }
 
-    fn exchange_at_once(&mut self) -> Result<Exchange, Error> {
+    fn exchange_parallel(&mut self) -> Result<Exchange, Error> {
         let (forces, length) = (self.last_forces(), self.side.length());
         let mut predicted = self.given.clone();
         for row in predicted.values_mut() {
@@ -164,7 +164,7 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
             let reply = side.compute(&predicted);
             (reply, computing.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
         });
-        let given = side.checked(given.map_err(Error::Partner)?)?;
+        let given = side.with_same_bodies(given.map_err(Error::Partner)?)?;
         let scale = self.scale();
         let residual = (scale.vector(&given) - scale.vector(&predicted)).amax();
         Ok(Exchange { iterations: 1, residual, given, followed: predicted, forces, reply: reply? })
@@ -214,10 +214,10 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
         let [t0, t1] = self.side.times();
         let given = self.partner.advance(t0, t1, forces).map_err(Error::Partner)?;
         if self.side.followed.is_empty() {
-            self.side.begin(&given)?;
+            self.side.find_start(&given)?;
             self.given = self.side.followed.clone();
         }
-        self.side.checked(given)
+        self.side.with_same_bodies(given)
     }
 
     /// Ends a window and keeps what the next one needs.
@@ -268,14 +268,14 @@ fn halfway(from: &MotionRows, to: &MotionRows) -> MotionRows {
 
 impl<S: Simulation> SimulationSide<S> {
     /// Finds the motion with which the bodies of a partner start.
-    fn begin(&mut self, given: &MotionRows) -> Result<(), Error> {
-        let start = |name: &String| Ok((name.clone(), start_row(self.movable(name)?)));
+    fn find_start(&mut self, given: &MotionRows) -> Result<(), Error> {
+        let start = |name: &String| Ok((name.clone(), start_motion(self.movable_body(name)?)));
         self.followed = given.keys().map(start).collect::<Result<_, Error>>()?;
         Ok(())
     }
 
     /// Returns a body that a partner can move.
-    fn movable(&self, name: &str) -> Result<&BodyDescription, Error> {
+    fn movable_body(&self, name: &str) -> Result<&BodyDescription, Error> {
         let body = name.to_string();
         let Some(found) = self.description.bodies.iter().find(|b| b.name == name) else {
             let expected = "a driven body of the component";
@@ -290,7 +290,7 @@ impl<S: Simulation> SimulationSide<S> {
     }
 
     /// Returns the motion of a partner if it has the bodies of the first window.
-    fn checked(&self, given: MotionRows) -> Result<MotionRows, Error> {
+    fn with_same_bodies(&self, given: MotionRows) -> Result<MotionRows, Error> {
         let names = given.keys().chain(self.followed.keys());
         for name in names {
             if given.contains_key(name) != self.followed.contains_key(name) {

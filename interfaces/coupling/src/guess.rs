@@ -84,7 +84,8 @@ impl MotionGuess {
 
     /// Returns the change of the answer at which the residual is smallest; `None` without differences.
     fn quasi_newton_change(&self, residual: &DVector<f64>) -> Option<DVector<f64>> {
-        let columns = independent(self.differences.iter().chain(self.reused.iter().flatten()));
+        let columns =
+            select_independent(self.differences.iter().chain(self.reused.iter().flatten()));
         if columns.is_empty() {
             return None;
         }
@@ -100,7 +101,7 @@ impl MotionGuess {
 }
 
 /// Returns the columns whose residuals are independent of those of the newer columns.
-fn independent<'a>(
+fn select_independent<'a>(
     columns: impl Iterator<Item = &'a IterationDifference>,
 ) -> Vec<&'a IterationDifference> {
     let mut kept = Vec::new();

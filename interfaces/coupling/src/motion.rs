@@ -15,7 +15,7 @@ pub type MotionRows = BTreeMap<String, MotionRow>;
 pub type ForceRows = BTreeMap<String, Vec<[f64; 6]>>;
 
 /// Returns the motion with which the next one of a body must start.
-pub(crate) fn start_row(body: &BodyDescription) -> MotionRow {
+pub(crate) fn start_motion(body: &BodyDescription) -> MotionRow {
     let q = body.orientation;
     let rotation = UnitQuaternion::new_normalize(Quaternion::new(q.w, q.x, q.y, q.z)).scaled_axis();
     let (place, twist) = (body.position, body.twist.unwrap_or_default());

@@ -35,7 +35,7 @@ impl FromStr for Scheme {
             "parallel" => Ok(Self::Parallel),
             "staggered" => Ok(Self::Staggered),
             "implicit" => Ok(Self::Implicit),
-            _ => Err(invalid("scheme", "one of parallel, staggered, implicit", name)),
+            _ => Err(invalid_setting("scheme", "one of parallel, staggered, implicit", name)),
         }
     }
 }
@@ -48,7 +48,7 @@ impl FromStr for CouplingAcceleration {
             "fixed" => Ok(Self::Fixed),
             "aitken" => Ok(Self::Aitken),
             "iqn-ils" => Ok(Self::IqnIls),
-            _ => Err(invalid("acceleration", "one of fixed, aitken, iqn-ils", name)),
+            _ => Err(invalid_setting("acceleration", "one of fixed, aitken, iqn-ils", name)),
         }
     }
 }
@@ -90,24 +90,28 @@ impl CouplingSettings {
     /// Checks the ranges of all settings.
     pub(crate) fn check(&self) -> Result<(), Error> {
         if !(0.0 < self.relaxation && self.relaxation <= 1.0) {
-            return Err(invalid("relaxation", "a number above 0 and up to 1", self.relaxation));
+            return Err(invalid_setting(
+                "relaxation",
+                "a number above 0 and up to 1",
+                self.relaxation,
+            ));
         }
         for (name, count) in
             [("window_steps", self.window_steps), ("max_iterations", self.max_iterations)]
         {
             if count == 0 {
-                return Err(invalid(name, "at least 1", count));
+                return Err(invalid_setting(name, "at least 1", count));
             }
         }
         for (name, length) in [("tolerance", self.tolerance), ("lever", self.lever)] {
             if !(0.0 < length && length.is_finite()) {
-                return Err(invalid(name, "a length above 0, m", length));
+                return Err(invalid_setting(name, "a length above 0, m", length));
             }
         }
         Ok(())
     }
 }
 
-fn invalid(name: &'static str, expected: &'static str, found: impl ToString) -> Error {
+fn invalid_setting(name: &'static str, expected: &'static str, found: impl ToString) -> Error {
     Error::InvalidSetting { name, expected, found: found.to_string() }
 }

@@ -9,7 +9,7 @@ use ballast_coupling::{Coupling, CouplingSettings, Error};
 use ballast_protocol::lockstep::Lockstep;
 use ballast_protocol::messages::{AdvanceRequest, Digest};
 use ballast_zenoh::session::free_endpoint;
-use ballast_zenoh::{Client, Server, ServerHooks, SessionConfig, Timeouts};
+use ballast_zenoh::{Client, Server, SessionConfig, Timeouts};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -29,16 +29,12 @@ fn component() -> Component {
 }
 
 /// Serves until a client shuts the component down.
-struct Unattended;
-
-impl ServerHooks for Unattended {}
-
 fn serve() -> (String, JoinHandle<Lockstep>) {
     let endpoint = SessionConfig::listen_on(free_endpoint().unwrap());
     let server = Server::open(KEY, &endpoint).expect("a free port");
     let endpoint = server.endpoints()[0].clone();
     let lockstep = Lockstep::new(component(), "run-1", hash);
-    let thread = std::thread::spawn(move || server.run(lockstep, &mut Unattended).expect("serves"));
+    let thread = std::thread::spawn(move || server.run(lockstep, &mut ()).expect("serves"));
     (endpoint, thread)
 }
 
