@@ -1,7 +1,7 @@
 //! Cycle logic: phases, stops of the pairs, commands of the controller.
 
 use super::Parameters;
-use super::dynamics::{Commands, angular};
+use super::dynamics::{Commands, angular_velocity};
 use std::fmt;
 
 /// Phase of the tamping cycle.
@@ -132,7 +132,7 @@ impl Cycle {
         Commands {
             insertion: (flow / largest).clamp(-1.0, 1.0),
             spools: self.actions.iter().map(|&action| self.spool(action)).collect(),
-            speed: if is_done { 0.0 } else { angular(p.frequency) },
+            angular_velocity: if is_done { 0.0 } else { angular_velocity(p.frequency) },
         }
     }
 

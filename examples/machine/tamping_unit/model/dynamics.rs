@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use std::fmt;
 
 /// Acceleration of gravity, m/s².
-pub const GRAVITY: f64 = 9.81;
+const GRAVITY: f64 = 9.81;
 /// Pressure at which the flow of valves is given, Pa.
 const NOMINAL_PRESSURE: f64 = 35e5;
 /// Relative tolerance of the integration.
@@ -73,7 +73,7 @@ pub struct Commands {
     /// Commands of the squeeze valves, by pair.
     pub spools: Vec<f64>,
     /// Angular velocity of the eccentric shaft, rad/s.
-    pub speed: f64,
+    pub angular_velocity: f64,
 }
 
 /// Mechanics and hydraulics of the unit, with arms numbered like the tines.
@@ -296,7 +296,7 @@ impl StepDynamics<'_> {
         rates[at(Arm::Dphi)] =
             (p.upper_length * force + by_ballast - p.pivot_damping * dphi) / p.arm_inertia;
         // Oil of both chambers; check valves let oil in from the tank where a chamber grows faster than its flow.
-        let (valve, check) = (nominal(p.valve_flow), nominal(p.check_flow));
+        let (valve, check) = (flow_coefficient(p.valve_flow), flow_coefficient(p.check_flow));
         let (supply, spool) = (y[P_S], y[unit.pair(Pair::Spool, unit.pair_of[i])]);
         let (opened, closed) = (valve * spool.max(0.0), valve * (-spool).max(0.0));
         let (to_a, from_a) = (opened * root(supply - pa), closed * root(pa));
@@ -339,8 +339,8 @@ impl StepDynamics<'_> {
     fn shaft_rates(&self, y: &[f64], rates: &mut [f64], sums: &ArmSums) {
         let p = &self.dynamics.p;
         let omega = y[OMEGA];
-        let torque =
-            (p.motor_gain * (self.commands.speed - omega)).clamp(-p.motor_torque, p.motor_torque);
+        let torque = (p.motor_gain * (self.commands.angular_velocity - omega))
+            .clamp(-p.motor_torque, p.motor_torque);
         rates[THETA] = omega;
         rates[OMEGA] = (torque + sums.shaft_load - p.bearing_damping * omega) / p.eccentric_inertia;
         rates[MOTOR] = torque * omega;
@@ -354,16 +354,18 @@ impl StepDynamics<'_> {
         let (spool, pressure, speed, supply) = (y[S_INS], y[P_INS], y[VZ], y[P_S]);
         let sign = if spool >= 0.0 { 1.0 } else { -1.0 };
         let available = if sign > 0.0 { supply.min(p.insertion_pressure) } else { supply };
-        let flow = nominal(p.insertion_flow) * spool.abs() * root(available - sign * pressure);
+        let flow =
+            flow_coefficient(p.insertion_flow) * spool.abs() * root(available - sign * pressure);
         let lift: f64 = self.loads.iter().map(|load| load[1]).sum();
-        let rail = p.insertion_friction * (speed / p.friction_speed).tanh();
+        let guide_friction = p.insertion_friction * (speed / p.friction_speed).tanh();
         let oil = sign * flow + p.insertion_area * speed - p.leakage * pressure;
         rates[P_INS] = oil * 4.0 * p.bulk_modulus / p.insertion_volume;
         rates[S_INS] = (self.commands.insertion - spool) / p.insertion_valve_time;
         rates[Z] = speed;
-        rates[VZ] = (lift - p.insertion_area * pressure - rail) / p.unit_mass - GRAVITY;
+        rates[VZ] = (lift - p.insertion_area * pressure - guide_friction) / p.unit_mass - GRAVITY;
         rates[THROTTLE] = sums.throttled + (supply - sign * pressure) * flow;
-        rates[FRICTION] = sums.rubbed + p.bearing_damping * y[OMEGA] * y[OMEGA] + rail * speed;
+        rates[FRICTION] =
+            sums.rubbed + p.bearing_damping * y[OMEGA] * y[OMEGA] + guide_friction * speed;
         rates[LEAK] = sums.leaked + p.leakage * pressure * pressure;
         rates[TINES] = sums.given - lift * speed;
         flow
@@ -371,12 +373,12 @@ impl StepDynamics<'_> {
 }
 
 /// Returns the flow coefficient of a valve from its nominal flow.
-pub fn nominal(flow: f64) -> f64 {
+fn flow_coefficient(flow: f64) -> f64 {
     flow / NOMINAL_PRESSURE.sqrt()
 }
 
 /// Returns the angular velocity of a frequency in Hz, rad/s.
-pub fn angular(frequency: f64) -> f64 {
+pub fn angular_velocity(frequency: f64) -> f64 {
     2.0 * PI * frequency
 }
 
