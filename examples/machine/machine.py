@@ -204,7 +204,7 @@ class TampingUnit:
             self.y = solution.y[:, -1]
             self.logic["time"] = b
             for number, station in enumerate(self.stations):
-                self.logic["lifting"] -= forces[station.sleeper][k, 2] * (self._lift(number, b)[0] - self._lift(number, a)[0])
+                self.logic["lifting"] -= forces[station.sleeper][k, 2] * (self._sleeper_lift(number, b)[0] - self._sleeper_lift(number, a)[0])
             rows.append(self._trace_row(b, wrench[k]))
         self.trace = np.array(rows)
         return self.motion()
@@ -231,7 +231,7 @@ class TampingUnit:
                 x, below = self._tip(i, v["phi"][i])
                 position = tine.start + np.array([x, 0.0, below + self.p.lower_length + z])
                 rows[tine.name] = np.array([*position, 0, turn, 0, rate * below, 0, vz - rate * x, 0, rate, 0])
-            height, speed = self._lift(number, self.logic["time"])
+            height, speed = self._sleeper_lift(number, self.logic["time"])
             place = np.asarray(station.position, dtype=float) + [0, 0, height]
             rows[station.sleeper] = np.array([*place, 0, 0, 0, 0, 0, speed, 0, 0, 0])
         return rows
@@ -244,7 +244,7 @@ class TampingUnit:
         """Returns the way of each piston from the stop of the open tines, m."""
         return self.p.upper_length * v["phi"] - self.p.eccentricity() * math.sin(v["theta"]) - self.seat
 
-    def _lift(self, station, t):
+    def _sleeper_lift(self, station, t):
         """Returns height and speed of the sleeper of a station."""
         x = min(max((t - self.logic["lifted"][station]) / self.p.lift_time, 0.0), 1.0)
         rate = 6 * x * (1 - x) / self.p.lift_time

@@ -26,7 +26,7 @@ def stretch(sim, start, checkpoint, args, scheme, steps, acceleration="iqn-ils",
     options = argparse.Namespace(**args.run | chosen)
     # The unit begins where its case does.
     sim.restore(start)
-    coupling, unit = tamp.coupled(sim, sim.case, options)
+    coupling, unit = tamp.couple_unit(sim, sim.case, options)
     coupling.restore(checkpoint)
     ways, windows, began = [], [], time.perf_counter()
     for k in range(args.steps // steps):

@@ -38,7 +38,7 @@ def measure(case, beds, *, settings, folder, source):
         texts = [text for name, value in others.items() for text in ("--set", f"{name}={value}")]
         args = tamp.arguments(texts + ["--imposed"] * (kind != "loop"))
         with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
-            coupling, unit = tamp.coupled(sim, case, args)
+            coupling, unit = tamp.couple_unit(sim, case, args)
             run = tamp.new_run(sim, args)
             for _ in tamp.cycle_windows(coupling, unit, run, args):
                 pass
@@ -101,13 +101,18 @@ def digest():
 
 def report(table):
     """Yields means over beds for each kind, and differences to the loop."""
-    heads = ["figure", *KINDS, *(f"{kind} less loop" for kind in KINDS[1:])]
-    yield from (f"| {' | '.join(heads)} |", "|---" * len(heads) + "|")
-    for name in [c.removeprefix("loop: ") for c in table.columns if c.startswith("loop: ")]:
-        columns = [table[f"{kind}: {name}"].astype(float) for kind in KINDS]
-        cells = [f"{c.mean():.3g} ± {c.std():.2g}" for c in columns]
-        # Beds are the same for all kinds, so that their scatter cancels.
-        cells += [f"{d.mean():+.3g} ± {d.std() / len(d) ** 0.5:.2g}" for d in (c - columns[0] for c in columns[1:])]
+    differences = [f"{kind} less loop" for kind in KINDS[1:]]
+    yield from (f"| {' | '.join(['figure', *KINDS, *differences])} |", "|---" * (1 + len(KINDS) + len(differences)) + "|")
+    names = [column.removeprefix("loop: ") for column in table.columns if column.startswith("loop: ")]
+    # Beds are the same for all kinds, so that their scatter cancels.
+    table = table.assign(**{f"{kind} less loop: {name}": table[f"{kind}: {name}"] - table[f"loop: {name}"]
+                            for kind in KINDS[1:] for name in names})  # fmt: skip
+    over_beds = study.statistics_over_beds(table)
+    for name in names:
+        cells = ["{mean:.3g} ± {std:.2g}".format(**over_beds.loc[f"{kind}: {name}"]) for kind in KINDS]
+        for kind in differences:
+            figure = over_beds.loc[f"{kind}: {name}"]
+            cells.append(f"{figure['mean']:+.3g} ± {figure['std'] / figure['count'] ** 0.5:.2g}")
         yield f"| {name} | {' | '.join(cells)} |"
 
 

@@ -57,10 +57,10 @@ def main():
     if args.resume and args.connect:
         raise SystemExit("--resume: expected a bed of this process, found --connect; serve the case again and start from its beginning")
     args.out.mkdir(parents=True, exist_ok=True)
-    with opened(args) as sim:
+    with open_simulation(args) as sim:
         if args.connect and sim.now_ns > 0:
             raise SystemExit(f"{args.connect}: expected a run at its start, found one at {sim.now_ns * 1e-9:.4f} s; serve it with --force")
-        coupling, unit = coupled(sim, ballast.Case.load(args.case), args)
+        coupling, unit = couple_unit(sim, ballast.Case.load(args.case), args)
         run = new_run(sim, args)
         saved = args.out / "checkpoint.pickle"
         if args.resume:
@@ -83,11 +83,17 @@ def main():
     print("\n".join(lines), f"\n{args.out / 'report.html'}")
 
 
-def opened(args):
+def open_simulation(args):
     """Returns the simulation of the bed, here or served."""
     if args.connect:
         return ballast.open(args.connect, connect=args.endpoint)
     return ballast.open(args.case, seed=args.seed, threads=args.threads)
+
+
+def parsed(texts, parameters):
+    """Returns values by name from texts such as "speed=40", with the types of the defaults of a class of parameters."""
+    values = dict(text.split("=") for text in texts)
+    return {name: type(getattr(parameters, name))(value) for name, value in values.items()}
 
 
 def new_run(sim, args):
@@ -106,11 +112,10 @@ def cycle_windows(coupling, unit, run, args):
         yield window
 
 
-def coupled(sim, case, args):
+def couple_unit(sim, case, args):
     """Returns the coupling of a simulation and a tamping unit, and the unit."""
-    others = {name: float(value) for name, value in (text.split("=") for text in args.set)}
     pairs = [[int(k) for k in cycle.split(",")] for cycle in args.pairs.split("/")] if args.pairs else None
-    parameters = machine.Parameters.of_case(case, **others)
+    parameters = machine.Parameters.of_case(case, **parsed(args.set, machine.Parameters))
     unit = machine.TampingUnit(stations(sim), sim.step_ns * 1e-9, parameters, pairs, is_loaded=not args.imposed)
     scheme = "staggered" if args.imposed else args.scheme
     return couple.Coupling(sim, unit, scheme, window_steps=args.window, acceleration=args.acceleration,

@@ -60,6 +60,8 @@ def main():
         runs, going = tamp_example.read_checkpoint(args.out / "checkpoint.pickle", args, KEPT)
     with ballast.open(args.case, threads=args.threads) as sim:
         sleepers = [name for name, role in sim.roles.items() if role == "sleeper"]
+        # Refused before any work.
+        middle = tamped_station(sim).sleeper
         if "before" not in runs:
             if going is None:
                 press(sim, sleepers, args.consolidation, cycles=3)
@@ -68,7 +70,7 @@ def main():
             if going is None:
                 sim.restore(runs["before"]["start"])
                 runs["before"]["tamping"] = tamp(sim, args)
-                press(sim, [tamped(sim)], args.seating)
+                press(sim, [middle], args.seating)
             runs["after"] = passages(sim, args, runs, going)
         figures = {when: summary(run, model(run, args)) for when, run in runs.items()}
         figures |= {"tamping": runs["before"]["tamping"], "hash": sim.save().hash}
@@ -92,19 +94,18 @@ def press(sim, sleepers, load, cycles=1):
             moving = [name for name in moving if not is_reached(result[name].mean_force[2])]
 
 
-def tamped(sim):
-    """Returns the sleeper that the tines of the case tamp."""
+def tamped_station(sim):
+    """Returns the sleeper that the case tamps, where it is, and its tines."""
     stations = tamp_example.stations(sim)
     if len(stations) != 1:
         raise SystemExit(f"tamped sleepers: expected one, found {len(stations)}; set `tamped` in the case")
-    return stations[0].sleeper
+    return stations[0]
 
 
 def tamp(sim, args):
     """Tamps a sleeper with a tamping unit in the loop; returns numbers of windows, and of those not converged."""
-    others = {name: float(value) for name, value in (text.split("=") for text in args.unit)}
-    parameters = machine.Parameters.of_case(sim.case, **others)
-    unit = machine.TampingUnit(tamp_example.stations(sim), sim.step_ns * 1e-9, parameters, start=sim.now_ns * 1e-9)
+    parameters = machine.Parameters.of_case(sim.case, **tamp_example.parsed(args.unit, machine.Parameters))
+    unit = machine.TampingUnit([tamped_station(sim)], sim.step_ns * 1e-9, parameters, start=sim.now_ns * 1e-9)
     coupling = couple.Coupling(sim, unit, window_steps=args.window, tolerance=2 * args.tolerance, max_iterations=60)
     converged = []
     while unit.phase != "done":
@@ -126,8 +127,8 @@ def check(result):
 
 def model(run, args):
     """Returns the track on the sleepers of a run."""
-    others = {name: type(getattr(track.Parameters, name))(value) for name, value in (text.split("=") for text in args.set)}
-    return track.Track(run["sleepers"], run["start"].time_ns * 1e-9, args.axles, track.Parameters(**others), run["heights"])
+    parameters = track.Parameters(**tamp_example.parsed(args.set, track.Parameters))
+    return track.Track(run["sleepers"], run["start"].time_ns * 1e-9, args.axles, parameters, run["heights"])
 
 
 def passages(sim, args, runs, going):

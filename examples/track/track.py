@@ -119,11 +119,11 @@ class Track:
 
     def energies(self):
         """Returns the work of the drives, energies stored and dissipated since the start, and work on the ballast, J."""
-        return {"stored": self.stored(self.now), **self.work}
+        return {"stored": self.stored_energy(self.now), **self.work}
 
-    def stored(self, t):
+    def stored_energy(self, t):
         """Returns the kinetic and elastic energy of the current state, J; the time places the wheel."""
-        strain, overlap = self.pads @ self.q - self._laid(t), self._shape(self.wheel_at(t)[0]) @ self.q
+        strain, overlap = self.pads @ self.q - self._laid(t), self._contact_shape(self.wheel_at(t)[0]) @ self.q
         sagging = np.minimum(self.q[self.outer], 0.0)
         return 0.5 * float(
             self.v @ self.mass @ self.v + self.q @ self.stiffness @ self.q
@@ -142,11 +142,11 @@ class Track:
         # A positive moment about y lowers the side of larger x.
         by_ballast[self.first_sleeper + 1 : self.wheel : 2] = -wrench[:, 4]
         before, after = self._laid(t), self._laid(t + h)
-        laid, pad = 0.5 * (before + after), self.p.share * self.p.pad_stiffness
-        force = self.weight + by_ballast + pad * self.pads.T @ laid
+        laid = 0.5 * (before + after)
+        force = self.weight + by_ballast + self.pad_forces @ laid
         force[self.wheel] -= load
-        shape, wheel_spring = self._shape(place), self.p.share * self.p.contact_stiffness
-        stiffness = self.stiffness + pad * self.pads.T @ self.pads + wheel_spring * np.outer(shape, shape)
+        shape, wheel_spring = self._contact_shape(place), self.p.share * self.p.contact_stiffness
+        stiffness = self.with_pads + wheel_spring * np.outer(shape, shape)
         rest = 2 / h * (self.mass @ self.v) + force - stiffness @ self.q
         left = 2 / h * self.mass + self.damping + 0.5 * h * stiffness
         pressed = self.q[self.outer] < 0.0
@@ -165,8 +165,8 @@ class Track:
         distance = 4 * (place - self.wheel_at(t + 0.25 * h)[0]) if load else 0.0
         self.work["gravity"] += float(self.weight @ way)
         self.work["wheel load"] -= float(load * way[self.wheel])
-        self.work["traction"] += float(wheel_spring * (shape @ middle) * (self._shape(place, slope=True) @ middle) * distance)
-        self.work["laying"] -= float(pad * (self.pads @ middle - laid) @ (after - before))
+        self.work["traction"] += float(wheel_spring * (shape @ middle) * (self._contact_shape(place, slope=True) @ middle) * distance)
+        self.work["laying"] -= float(self.p.share * self.p.pad_stiffness * (self.pads @ middle - laid) @ (after - before))
         self.work["dampers"] += float(way @ self.damping @ mean)
         self.work["ballast"] -= float(by_ballast @ way)
         self.q, self.v, self.now = self.q + way, 2 * mean - self.v, t + h
@@ -176,10 +176,10 @@ class Track:
 
     def _next_wheel(self, before, after):
         """Takes the wheel off the rail and puts the next one where it begins, as deep and as fast as the rail there."""
-        stored, old, new = self.stored(before), self._shape(self.wheel_at(before)[0]), self._shape(self.wheel_at(after)[0])
+        stored, old, new = self.stored_energy(before), self._contact_shape(self.wheel_at(before)[0]), self._contact_shape(self.wheel_at(after)[0])
         self.q[self.wheel] += (new - old) @ self.q
         self.v[self.wheel] += (new - old) @ self.v
-        self.work["wheel load"] += self.stored(after) - stored
+        self.work["wheel load"] += self.stored_energy(after) - stored
 
     def _laid(self, t):
         """Returns the compression of the pads at which they carry nothing while the rail is laid, m."""
@@ -223,8 +223,11 @@ class Track:
         self.mass[self.wheel, self.wheel] += p.wheel_mass
         for matrix in (self.mass, self.stiffness, self.damping, self.weight):
             matrix *= p.share
+        # Forces of the pads by their compression, and the stiffness of the track with the pads.
+        self.pad_forces = p.share * p.pad_stiffness * self.pads.T
+        self.with_pads = self.stiffness + self.pad_forces @ self.pads
 
-    def _shape(self, place, slope=False):
+    def _contact_shape(self, place, slope=False):
         """Returns the overlap of wheel and rail by the degrees of freedom, or its derivative by the place."""
         n = min(int((place - self.left) / self.element), self.nodes - 2)
         s, a = (place - self.left) / self.element - n, self.element
