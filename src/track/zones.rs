@@ -9,8 +9,8 @@
 //!   for comparison with the layer in published work.
 //! * `under_lifted/<sleeper>`, where the cycle lifts it: the same up to the lifted underside, so that the space which the lift
 //!   opens counts. The sleeper is in that space before, which is no room for stones then.
-//! * `crib_minus_x/<sleeper>`, `crib_plus_x/<sleeper>`: between a tamped sleeper and its neighbours
-//!   (or the ends) along x, across its blocks, from the underside up to the fill level.
+//! * `crib_minus_x/<sleeper>`, `crib_plus_x/<sleeper>`: between a sleeper and its neighbours (or the ends) along x, across its
+//!   blocks, from the underside up to the fill level. The crib between two sleepers is a zone of each.
 //! * `insertion/<tine>`: what the blade passes through below the sleeper's underside before it squeezes, from its lower
 //!   edge at depth up to the level of the underside before the lift, or to its upper edge where that ends higher.
 
@@ -19,15 +19,14 @@ use crate::math::Vec3;
 use crate::observe::Zone;
 use crate::track::plan::{BlockPlan, Plan, SleeperPlan, TinePlan};
 
-/// The zones of a plan: under all blocks of tamped sleepers, the same up to where they are lifted, their cribs, the tines'
-/// insertion zones, in this order; without those that have no volume to measure, such as a crib that is not filled at all.
+/// The zones of a plan: under all blocks of all sleepers, the same of tamped sleepers up to where they are lifted, the cribs, the
+/// tines' insertion zones, in this order; without those that have no volume to measure, such as a crib that is not filled at all.
 pub fn zones(plan: &Plan) -> Vec<Zone> {
     let mut zones = Vec::new();
-    let tamped = || plan.sleepers.iter().filter(|s| s.tamped);
     let lift = plan.tamping.map_or(0.0, |tamping| tamping.lift.height);
     let lifted = (lift > 0.0).then_some(("under_lifted", lift));
     for (place, rise) in [("under", 0.0)].into_iter().chain(lifted) {
-        for sleeper in tamped() {
+        for sleeper in plan.sleepers.iter().filter(|sleeper| rise == 0.0 || sleeper.tamped) {
             for (i, block) in sleeper.blocks.iter().enumerate() {
                 let number =
                     if sleeper.blocks.len() > 1 { format!("/{}", i + 1) } else { String::new() };
@@ -37,7 +36,7 @@ pub fn zones(plan: &Plan) -> Vec<Zone> {
             }
         }
     }
-    for sleeper in tamped() {
+    for sleeper in &plan.sleepers {
         let [before, after] = cribs(plan, sleeper);
         zones.push(Zone { name: format!("crib_minus_x/{}", sleeper.name), region: before });
         zones.push(Zone { name: format!("crib_plus_x/{}", sleeper.name), region: after });
@@ -166,5 +165,10 @@ mod tests {
         close(region(&zones, "crib_minus_x/at 0.9"), [0.445, 0.065, 0.28], [0.755, 1.935, 0.43]);
         close(region(&zones, "crib_plus_x/at 0.9"), [1.045, 0.065, 0.28], [1.355, 1.935, 0.43]);
         close(region(&zones, "under/at 0.9/2"), [0.755, 1.265, 0.14], [1.045, 1.935, 0.28]);
+        // Sleepers that are not tamped have zones too, for comparison.
+        close(region(&zones, "crib_plus_x/at 0.3"), [0.445, 0.065, 0.28], [0.755, 1.935, 0.43]);
+        close(region(&zones, "under/at 1.5/2"), [1.355, 1.265, 0.14], [1.645, 1.935, 0.28]);
+        let lifted = zones.iter().filter(|zone| zone.name.starts_with("under_lifted/"));
+        assert!(lifted.clone().count() == 2 && lifted.clone().all(|z| z.name.contains("at 0.9")));
     }
 }

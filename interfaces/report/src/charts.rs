@@ -30,15 +30,24 @@ fn over_time(rows: &[StepRow], value: impl Fn(&StepRow) -> f64) -> Vec<[f64; 2]>
     rows.iter().map(|row| [row.get(Column::Time), value(row)]).collect()
 }
 
-/// Charts the compactness of each zone.
-pub fn compactness(source: &ReportSource, bands: &[ChartBand]) -> Chart {
-    let mut chart =
-        Chart::new("Compactness of the zones", TIME, "solid / accessible volume").bands(bands);
-    for (k, name) in source.summary.settings().zones.iter().enumerate() {
-        let points = source.zones.iter().map(|row| [row[0], row[k + 1]]);
-        chart = chart.with(name, points.collect(), SeriesStyle::Line);
-    }
-    chart
+/// Charts the compactness of the zones: under the sleepers, of the cribs, where tines pass; charts without a zone are left out.
+pub fn compactness(source: &ReportSource, bands: &[ChartBand]) -> Vec<Chart> {
+    let zones = &source.summary.settings().zones;
+    let groups = [
+        ("under", "Compactness under the sleepers"),
+        ("crib", "Compactness of the cribs"),
+        ("insertion", "Compactness where the tines pass"),
+    ];
+    let has_zone = |(start, _): &(&str, &str)| zones.iter().any(|name| name.starts_with(start));
+    let chart = |(start, title)| {
+        let empty = Chart::new(title, TIME, "solid / accessible volume").bands(bands);
+        let group = zones.iter().enumerate().filter(|(_, name)| name.starts_with(start));
+        group.fold(empty, |chart, (k, name)| {
+            let points = source.zones.iter().map(|row| [row[0], row[k + 1]]);
+            chart.with(name, points.collect(), SeriesStyle::Line)
+        })
+    };
+    groups.into_iter().filter(has_zone).map(chart).collect()
 }
 
 /// Returns the number of steps over which forces are averaged: a vibration period, or 1 if the run is shorter.

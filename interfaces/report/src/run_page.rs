@@ -64,7 +64,13 @@ fn introduction(source: &ReportSource, page: &mut HtmlPage) {
     }
     let mut cards = Vec::new();
     let zones = summary.settings().zones.iter().zip(&summary.compactness);
-    for (name, [before, after]) in zones.filter(|(name, _)| name.starts_with("under")) {
+    // A zone is under a block of a sleeper, or under the sleeper.
+    let is_under_tamped = |zone: &str| {
+        let sleeper = zone.split('/').nth(1);
+        let tamped = source.case.plan.sleepers.iter().filter(|sleeper| sleeper.tamped);
+        zone.starts_with("under") && tamped.map(|s| &s.name[..]).any(|name| sleeper == Some(name))
+    };
+    for (name, [before, after]) in zones.filter(|(name, _)| is_under_tamped(name)) {
         let note = format!("{before:.3} before, {}", summary_text::change(*before, *after));
         cards.push([format!("compactness {name}"), format!("{after:.3}"), note]);
     }
@@ -161,8 +167,8 @@ fn picture_top(source: &ReportSource) -> f64 {
 fn compactness(source: &ReportSource, page: &mut HtmlPage) {
     page.heading("Compactness");
     let bands = charts::phases(&source.rows);
-    if !source.summary.settings().zones.is_empty() {
-        page.figure(&charts::compactness(source, &bands).svg());
+    for chart in charts::compactness(source, &bands) {
+        page.figure(&chart.svg());
     }
     let plan = &source.case.plan;
     let y = plan.sleepers.iter().find(|s| s.tamped).and_then(|s| {

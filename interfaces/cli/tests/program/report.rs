@@ -18,7 +18,9 @@ fn a_page_tells_a_whole_run_by_itself() {
     }
     for word in [
         "End of the squeeze",
-        "Compactness of the zones",
+        "Compactness under the sleepers",
+        "Compactness of the cribs",
+        "Compactness where the tines pass",
         "Force on tines",
         "Force against closing",
         "compaction energy (J)",

@@ -281,7 +281,7 @@ impl Chart {
             }
             let y = 15.0 + LINE_HEIGHT * lines;
             let (left, middle, colour) = (px(x), px(y - 4.0), k % page::COLOUR_COUNT);
-            let dash = if series.style.is_dashed() { " dash" } else { "" };
+            let dash = dash(series, k);
             let _ = match series.style {
                 SeriesStyle::Dots => {
                     dot(&px(x + 8.0), &middle, k, out);
@@ -321,9 +321,14 @@ fn dot(x: &str, y: &str, number: usize, out: &mut String) {
     };
 }
 
+/// Returns the class of dashed lines; series whose colour repeats that of another are dashed as well.
+fn dash(series: &ChartSeries, number: usize) -> &'static str {
+    if series.style.is_dashed() || number >= page::COLOUR_COUNT { " dash" } else { "" }
+}
+
 fn draw(series: &ChartSeries, number: usize, x: &AxisScale, y: &AxisScale, out: &mut String) {
     let colour = number % page::COLOUR_COUNT;
-    let dash = if series.style.is_dashed() { " dash" } else { "" };
+    let dash = dash(series, number);
     for ([a, b], reach) in series.points.iter().zip(&series.reach) {
         let ends = [b - reach, b + reach].map(|end| y.place(end).map(up));
         let (Some(a), [Some(low), Some(high)]) = (x.place(*a).map(across), ends) else { continue };
