@@ -24,6 +24,7 @@ pub mod summary;
 pub mod summary_text;
 pub mod table;
 pub mod threads;
+pub mod zones;
 
 pub use error::{Failure, Result};
 pub use reporter::{ProgressLabel, ProgressMeter, Reporter};

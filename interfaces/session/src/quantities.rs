@@ -101,6 +101,7 @@ quantities! {
     TinesBelowTargetDepth: "", "", "tines above target depth", "", "", "Number of tines that did not reach the target depth.";
     TinesBelowTargetClosing: "", "", "tines below target closing", "", "", "Number of tines that did not reach the target closing.";
     Compactness: "ZONE", "compactness.ZONE", "compactness", "1", "ZoneResult.compactness", "Compactness of a zone (T-21); in summaries before and after the run.";
+    InertialNumber: "", "zones.ZONE.inertial_number", "inertial number", "1", "ZoneResult.inertial_number", "Inertial number of a zone at the end of the step (T-22).";
     StoneElongation: "", "stones.elongation", "elongation I/L", "1", "Simulation.stones", "Width over length of the stones, mean and standard deviation by mass.";
     StoneFlatness: "", "stones.flatness", "flatness S/I", "1", "Simulation.stones", "Thickness over width of the stones, mean and standard deviation by mass.";
     StoneSphericity: "", "stones.sphericity", "sphericity", "1", "Simulation.stones", "Wadell's sphericity: surface of the sphere of equal volume over the surface of the stone, mean and standard deviation by mass.";

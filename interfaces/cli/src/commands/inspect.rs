@@ -4,7 +4,7 @@ use super::expected_file::ExpectedFile;
 use crate::console::Console;
 use ballast_session::run_files::RunFiles;
 use ballast_session::stones::{stones_json, stones_text};
-use ballast_session::{Reporter, Result};
+use ballast_session::{Reporter, Result, zones};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -23,6 +23,16 @@ pub fn inspect(args: InspectArgs, console: Console) -> Result {
     if let Some(stones) = &summary.stones {
         console.result(&stones_text(stones));
         fields["stones"] = stones_json(stones);
+    }
+    if summary.contacts.is_some() {
+        let zones = zones::of_checkpoint(&file).unwrap_or_else(|failure| {
+            console.warning(&format!("zones are not measured: {failure}"));
+            vec![]
+        });
+        if !zones.is_empty() {
+            console.result(&zones::zones_table(&zones).text());
+            fields["zones"] = zones::zones_json(&zones);
+        }
     }
     console.event("file", fields);
     Ok(())

@@ -165,6 +165,15 @@ fn files_can_be_inspected_and_exported() {
     assert!(text.contains("tiny") && text.contains("20"), "{text}");
     let hash = place.hash("run");
     assert!(text.contains(&hash), "{text}");
+    // The zones are measured as at the end of the run.
+    let told = place.call("inspect run/checkpoint.h5 --json").with_code(0).events();
+    let summary: serde_json::Value = serde_json::from_str(&place.text("run/summary.json")).unwrap();
+    let zones = told[0]["zones"].as_object().unwrap();
+    assert_eq!(zones.len(), summary["compactness"].as_object().unwrap().len());
+    for (name, zone) in zones {
+        assert_eq!(zone["compactness"], summary["compactness"][name]["after"], "{name}");
+        assert!(text.contains(name.as_str()), "{text}");
+    }
     place.call("inspect run/results.vtkhdf").with_code(0);
     place.call("export run/results.vtkhdf --out tables").with_code(0);
     let steps = place.text("tables/steps.csv");
