@@ -74,6 +74,7 @@ fn notes(sheet: &mut ResultSheet, scene: &BenchScene, variants: &[Variant], args
     sheet.note("contacts", format!("mean {:.0}", leader.mean(|r| r.contacts as f64)));
     sheet.note("subdomains", format!("{:.0}", leader.mean(|r| r.subdomains as f64)));
     sheet.note("visits of a step", format!("{:.0}", leader.mean(|r| r.visits as f64)));
+    sheet.note("residual (QM/16)", format!("{:.2e}", leader.mean(|r| r.residuals.qm16())));
     let hashes: Vec<String> =
         variants.iter().map(|c| format!("{:032x} ({})", c.hash, c.label)).collect();
     sheet.note("state hash", hashes.join(", "));

@@ -63,7 +63,9 @@ impl Decomposition {
         let line_of = &self.line_of;
         self.subdomains.resize_with(partition.grains.len(), Mutex::default);
         self.subdomains.par_iter_mut().enumerate().for_each(|(s, set)| {
-            let set = &mut get_mut(set).contacts;
+            let set = get_mut(set);
+            set.set_converged(false);
+            let set = &mut set.contacts;
             let grains = partition.grains.list(s);
             set.pack(problem, partition.contacts.list(s), grains.len(), |g| line_of[g as usize]);
             load_free_velocities(set, grains, problem);
@@ -89,30 +91,46 @@ impl Decomposition {
     /// Calls `work` for every set in the order of the synchronous schedule, with current velocities.
     pub(super) fn for_each_set_in_order(&mut self, work: impl Fn(&mut SweepSet) + Sync) {
         let mut once = Some(PassBatch { passes: 1, plan: () });
-        self.for_each_pass(|set, _, ()| work(set), |_| once.take());
+        self.for_each_pass(|_, _, ()| true, |set, _, ()| work(set), |_| once.take());
     }
 
-    /// Calls `work` for every set, pass after pass, in the order of the synchronous schedule and with current velocities.
+    /// Calls `work`, pass after pass, for every set that `needs` it, in the order of the synchronous schedule and with
+    /// current velocities.
     ///
     /// A pass visits all subdomains, then the groups of the interface, colour by colour. `next` returns the first
     /// batch of passes and, when all visits of a batch have ended, the following one.
     pub(super) fn for_each_pass<P: Copy + Send + Sync>(
         &mut self,
+        needs: impl Fn(&SweepSet, SweepTask, &P) -> bool + Sync,
         work: impl Fn(&mut SweepSet, SweepTask, &P) + Sync,
         mut next: impl FnMut(&Self) -> Option<PassBatch<P>> + Send,
     ) {
         let mut scheduler = std::mem::take(&mut self.scheduler);
-        let visit = |task: SweepTask, plan: &P| self.visit(task.set, |set| work(set, task, plan));
+        let visit = |task: SweepTask, plan: &P| {
+            self.visit(task.set, |set| needs(set, task, plan), |set| work(set, task, plan));
+        };
         scheduler.run(&self.partition.interface, visit, || next(self));
         self.scheduler = scheduler;
     }
 
-    /// Calls `work` for set number `s` with current velocities.
-    fn visit(&self, s: usize, work: impl FnOnce(&mut SweepSet)) {
+    /// Calls `work` for set number `s` with current velocities, if the set `needs` it.
+    fn visit(
+        &self,
+        s: usize,
+        needs: impl FnOnce(&SweepSet) -> bool,
+        work: impl FnOnce(&mut SweepSet),
+    ) {
         let Some(g) = s.checked_sub(self.subdomains.len()) else {
-            return work(&mut lock(&self.subdomains[s]));
+            let set = &mut lock(&self.subdomains[s]);
+            if needs(set) {
+                work(set);
+            }
+            return;
         };
         let mut group = lock(&self.groups[g]);
+        if !needs(&group.set) {
+            return;
+        }
         let mut homes = self.lock_homes(g);
         group.gather(&homes);
         work(&mut group.set);
@@ -169,6 +187,16 @@ impl Decomposition {
     /// Norms of the last measured sweeps.
     pub(super) fn visit_norms(&self) -> VisitNorms {
         self.sum(|set| set.norms)
+    }
+
+    /// Marks the sets whose norms of the last measured sweep are small beside `norms`, those of all sets.
+    pub(super) fn mark_converged_sets(&self, tolerance: f64, norms: &VisitNorms) {
+        for s in 0..self.set_count() {
+            self.with_set(s, |set| {
+                let converged = set.norms.is_part_converged(norms, tolerance, self.gravity_dv);
+                set.set_converged(converged);
+            });
+        }
     }
 
     /// Computes the natural map residual of the whole problem at the current velocities and impulses.

@@ -105,6 +105,11 @@ impl AdaptiveRelaxation {
         Self { best: f64::INFINITY, last_change: 0, ..self }
     }
 
+    /// Returns true if the iterations have stagnated again after a reduction.
+    pub fn has_stagnated_twice(&self) -> bool {
+        self.reductions > 1
+    }
+
     /// Returns true if all reductions are used up.
     pub fn is_exhausted(&self) -> bool {
         self.reductions >= Self::MAX_REDUCTIONS

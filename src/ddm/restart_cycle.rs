@@ -73,6 +73,14 @@ impl<'a> RestartCycle<'a> {
             && self.nncg.as_ref().is_some_and(|nncg| nncg.extrapolates_after(done))
     }
 
+    /// Returns true if sets that have converged are skipped: until the iterations have stagnated with reduced relaxation, too.
+    pub fn skips_converged(&self) -> bool {
+        self.solver.skip_converged_subdomains
+            && self.nncg.is_some()
+            && self.number == 0
+            && !self.relaxation.has_stagnated_twice()
+    }
+
     /// Records the residual and the relative velocity change of an unsolved test after iteration `done`.
     pub fn observe(&mut self, done: u32, residual: f64, relative_dv: f64) {
         self.relaxation.observe(done, residual, relative_dv);

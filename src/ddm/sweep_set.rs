@@ -36,6 +36,10 @@ pub(super) struct SweepSet {
     pub norms: VisitNorms,
     /// Natural map sums when last computed.
     pub map: NaturalMapSums,
+    /// True if the last convergence test found this set converged: the synchronous schedule skips it until the next test.
+    pub is_converged: bool,
+    /// True if the last test found this set no longer converged, so that its search direction is out of date.
+    pub was_skipped: bool,
     /// Visits of the asynchronous schedule since the velocities were split into parts.
     pub visits: u32,
     /// Bodies shared with other sets, in the asynchronous schedule.
@@ -45,6 +49,15 @@ pub(super) struct SweepSet {
 }
 
 impl SweepSet {
+    /// Updates after a convergence test whether the set has converged.
+    pub fn set_converged(&mut self, is_converged: bool) {
+        self.was_skipped = self.is_converged && !is_converged;
+        self.is_converged = is_converged;
+        if is_converged {
+            self.nncg.change_squared = 0.0;
+        }
+    }
+
     /// Resets the visit count and removes the velocity parts.
     pub fn reset(&mut self) {
         self.visits = 0;
@@ -107,6 +120,7 @@ impl InterfaceGroup {
             (u8::from(partition.owner[grain as usize] != first), line_of[grain as usize])
         }));
         let Self { set, grains, .. } = self;
+        set.set_converged(false);
         set.contacts.pack(problem, contacts, grains.len(), |grain| {
             grains.partition_point(|&other| other < grain) as u32
         });

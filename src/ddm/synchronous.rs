@@ -18,6 +18,9 @@ use crate::model::{Norm, Solver};
 /// Tests after which the calling thread polls for cancellation: more than most steps have.
 const TESTS_BETWEEN_POLLS: u32 = 32;
 
+/// Tests without the sets that have converged, after which one measures all sets.
+const PARTIAL_TESTS: u32 = 3;
+
 /// Iterates until the tolerance or the maximum number of iterations is reached.
 ///
 /// # Errors
@@ -30,7 +33,8 @@ pub(super) fn iterate(
     let mut control = IterationControl::new(solver, cancelled);
     loop {
         decomposition.for_each_pass(
-            |set, task, batch: &IterationBatch| batch.visit(set, task, solver),
+            |set, task, batch: &IterationBatch| batch.needs_visit(set, task),
+            |set, task, batch| batch.visit(set, task, solver),
             |sets| control.next_batch(sets),
         );
         if let Some(batch) = control.batch.take() {
@@ -70,6 +74,10 @@ struct IterationBatch {
     extrapolates: bool,
     /// True if the test needs the natural map.
     maps: bool,
+    /// True if sets that have converged are skipped.
+    skips_converged: bool,
+    /// True if the test measures these sets as well.
+    tests_all: bool,
 }
 
 impl IterationBatch {
@@ -82,9 +90,24 @@ impl IterationBatch {
         self.leading_passes() + self.iterations + u32::from(self.maps)
     }
 
+    /// Returns true if the set is to be visited: sets that have converged only are where the batch begins a search or tests.
+    fn needs_visit(&self, set: &SweepSet, task: SweepTask) -> bool {
+        let begins = task.pass == 0 && self.action == NncgAction::Init;
+        let tests = self.tests_all && task.pass + 1 >= self.leading_passes() + self.iterations;
+        !(self.skips_converged && set.is_converged) || begins || tests
+    }
+
     fn visit(&self, set: &mut SweepSet, task: SweepTask, solver: &Solver) {
+        let is_skipped = self.skips_converged && set.is_converged;
         if task.pass == 0 {
-            set.nncg.apply(&mut set.contacts, self.action);
+            let was_skipped = std::mem::take(&mut set.was_skipped);
+            let action = match self.action {
+                NncgAction::Init => NncgAction::Init,
+                _ if is_skipped => NncgAction::Idle,
+                _ if was_skipped && self.skips_converged => NncgAction::Restart,
+                action => action,
+            };
+            set.nncg.apply(&mut set.contacts, action);
         }
         let Some(iteration) = task.pass.checked_sub(self.leading_passes()) else { return };
         if iteration == self.iterations {
@@ -99,7 +122,7 @@ impl IterationBatch {
             self.relaxation,
             self.is_tested && is_last,
         );
-        if self.extrapolates && is_last {
+        if self.extrapolates && is_last && !is_skipped {
             set.nncg.measure(&set.contacts);
         }
     }
@@ -118,6 +141,10 @@ struct IterationControl<'a> {
     stopped: Option<StopReason>,
     /// Tests since the calling thread last polled for cancellation.
     tests: u32,
+    /// Tests since the last one that measured all sets.
+    partial_tests: u32,
+    /// True if the last test would have ended the iterations, had it measured all sets.
+    must_test_all: bool,
     /// True if the calling thread is to poll for cancellation.
     must_poll: bool,
 }
@@ -136,6 +163,8 @@ impl<'a> IterationControl<'a> {
             cancelled,
             stopped: None,
             tests: 0,
+            partial_tests: 0,
+            must_test_all: false,
             must_poll: false,
         }
     }
@@ -149,9 +178,9 @@ impl<'a> IterationControl<'a> {
     ///
     /// `None` ends the iterations, unless the batch stays for [`Self::advance`] or the calling thread must poll.
     fn next_batch(&mut self, sets: &Decomposition) -> Option<PassBatch<IterationBatch>> {
-        if let Some(IterationBatch { done, is_tested, maps, .. }) = self.batch {
+        if let Some(IterationBatch { done, is_tested, maps, tests_all, .. }) = self.batch {
             self.outcome.iterations = done;
-            if is_tested && self.test(sets, maps) {
+            if is_tested && self.test(sets, maps, tests_all) {
                 self.batch = None;
                 return None;
             }
@@ -177,7 +206,7 @@ impl<'a> IterationControl<'a> {
     }
 
     /// Evaluates a convergence test; returns true if the iterations end with it.
-    fn test(&mut self, sets: &Decomposition, maps: bool) -> bool {
+    fn test(&mut self, sets: &Decomposition, maps: bool, tests_all: bool) -> bool {
         let residuals = &mut self.outcome.residuals;
         let norms = sets.visit_norms();
         let relative_dv = norms.relative_dv(sets.gravity_dv);
@@ -185,9 +214,17 @@ impl<'a> IterationControl<'a> {
         if maps {
             residuals.natural_map = sets.last_natural_map();
         }
-        if is_solved(self.solver, residuals, relative_dv) {
+        let is_solved = is_solved(self.solver, residuals, relative_dv);
+        if is_solved && tests_all {
             self.outcome.converged = true;
             return true;
+        }
+        self.partial_tests = if tests_all { 0 } else { self.partial_tests + 1 };
+        self.must_test_all = is_solved;
+        if let (true, Some(tolerance), Norm::Qm16 | Norm::Quad) =
+            (self.solver.skip_converged_subdomains, self.solver.tolerance, self.solver.norm)
+        {
+            sets.mark_converged_sets(tolerance, &norms);
         }
         // Iterations do not recover from NaN.
         if residuals.quad.is_nan() {
@@ -207,6 +244,8 @@ impl<'a> IterationControl<'a> {
         let ends = [self.cycle.next_acceleration(before), (before < closing).then_some(closing)];
         let done = ends.into_iter().flatten().fold(test, u32::min);
         let is_tested = done == test;
+        let skips_converged = self.cycle.skips_converged() && before < closing;
+        let is_due = self.must_test_all || self.partial_tests >= PARTIAL_TESTS;
         IterationBatch {
             action: self.action,
             iterations: done - before,
@@ -216,6 +255,8 @@ impl<'a> IterationControl<'a> {
             is_tested,
             extrapolates: self.cycle.extrapolates_after(done),
             maps: is_tested && self.solver.norm == Norm::NaturalMap,
+            skips_converged,
+            tests_all: is_tested && (is_due || !skips_converged),
         }
     }
 

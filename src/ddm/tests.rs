@@ -1,4 +1,5 @@
 use super::iteration::AdaptiveRelaxation;
+use super::sweep_set::SweepSet;
 use super::{Decomposition, SolveOutcome, solve};
 use crate::detection::{ContactHistory, Contacts};
 use crate::geometry::cuboid;
@@ -219,6 +220,44 @@ fn diverging_asynchronous_iterations_fall_back_to_the_synchronous_schedule() {
     assert!(solved.outcome.iterations > alone.iterations && solved.outcome.visits > alone.visits);
     let (model, state, contacts) = wall(6, 5, solver(Schedule::Asynchronous, 4));
     assert!(!run(&model, &state, &contacts, 2).outcome.sync_fallback);
+}
+
+#[test]
+fn sets_far_from_a_disturbance_are_visited_less_often() {
+    let tight = Solver {
+        tolerance: Some(1e-5),
+        skip_converged_subdomains: true,
+        ..solver(Schedule::Synchronous, 6)
+    };
+    let (model, mut state, contacts) = wall(24, 4, tight);
+    let resting = run(&model, &state, &contacts, 2);
+    // The cube at the right end of the upper row is pushed to the left.
+    state.velocity[95] = Vec3::new(-0.2, 0.0, 0.0);
+    let mut sweeps = vec![];
+    let solved = run_with(&model, &state, &contacts, &resting.impulse, |sets, problem| {
+        let outcome = solve(sets, problem, &model.solver, &mut || None).expect("not cancelled");
+        sweeps.extend((0..sets.subdomains.len()).map(|s| {
+            let of_set = |set: &mut SweepSet| (set.contacts.visits(), set.contacts.contact_count());
+            let (visits, contacts) = sets.with_set(s, of_set);
+            let cubes = sets.partition().grains.list(s);
+            let x = cubes.iter().map(|&cube| cube % 24).sum::<u32>() / cubes.len() as u32;
+            (x, visits as f64 / contacts as f64)
+        }));
+        outcome
+    });
+    assert!(solved.outcome.converged && solved.outcome.iterations >= 40, "{:?}", solved.outcome);
+    sweeps.sort_by_key(|&(x, _)| x);
+    let (near, far) = (sweeps[sweeps.len() - 1].1, sweeps[0].1);
+    assert!(far < 0.6 * near, "sweeps by place: {sweeps:?}");
+    // What was skipped is solved, too.
+    let all = Solver { partition: PartitionRule::Balanced(1), ..tight };
+    let (model, _, _) = wall(24, 4, all);
+    let whole = run_with(&model, &state, &contacts, &resting.impulse, |sets, problem| {
+        solve(sets, problem, &model.solver, &mut || None).expect("not cancelled")
+    });
+    for (a, b) in whole.velocity.iter().zip(&solved.velocity) {
+        assert!((a - b).norm() < 2e-3, "{a:?} {b:?}");
+    }
 }
 
 #[test]

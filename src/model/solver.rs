@@ -84,6 +84,8 @@ pub struct Solver {
     pub warm_start_factor: f64,
     /// Acceleration of the iterations to a tolerance.
     pub acceleration: Acceleration,
+    /// True: the synchronous schedule skips subdomains that have converged until a later convergence test (T-12).
+    pub skip_converged_subdomains: bool,
     /// Steps from one force check to the next; 0: none. A check solves the step again from zero impulses, without effect on
     /// the run, and compares the forces on tines and sleepers.
     pub force_check_interval: u32,
@@ -169,6 +171,7 @@ impl Default for Solver {
             relaxation: 1.0,
             warm_start_factor: 1.0,
             acceleration: Acceleration::Nncg,
+            skip_converged_subdomains: false,
             force_check_interval: 50,
             penetration_correction: None,
         }

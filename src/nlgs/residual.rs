@@ -9,6 +9,9 @@ use std::ops::AddAssign;
 /// products, and coupled axes stretch their errors.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
+/// Ratio of the norms of a part to the limits of the convergence test below which the part has converged.
+const PART_LIMIT: f64 = 0.5;
+
 /// Residuals of a step, compared with [`crate::model::Solver::tolerance`].
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Residuals {
@@ -94,6 +97,18 @@ impl VisitNorms {
             weighted: mean.max(quad),
             natural_map: 0.0,
         }
+    }
+
+    /// Returns true if these norms of some contacts, beside those of `all`, are below [`PART_LIMIT`] times the limits of the
+    /// convergence test (T-11): sweeps over these contacts alone gain little until others change.
+    pub fn is_part_converged(&self, all: &Self, tolerance: f64, gravity_dv: f64) -> bool {
+        let limit = PART_LIMIT * tolerance;
+        let wr_squared = all.wr_squared / all.active;
+        let r_wr = all.r_wr / all.active;
+        let max_dv = (16.666 * limit * wr_squared.sqrt()).min(PART_LIMIT * gravity_dv);
+        self.dv_squared <= self.active * limit * limit * wr_squared
+            && self.r_squared_dv_squared <= self.active * (limit * r_wr).powi(2)
+            && self.max_dv_squared <= max_dv * max_dv
     }
 
     /// Returns true if only rounding changes the velocities (T-11).

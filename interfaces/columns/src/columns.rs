@@ -230,6 +230,8 @@ fn placement(part: &Part) -> [f64; 7] {
 
 /// Name of the column with the interval of force checks, only where it is not the default.
 pub(crate) const FORCE_CHECK: &str = "solver/force_check_interval";
+/// Name of an empty column, only in files of models that skip subdomains that have converged.
+pub(crate) const SKIP: &str = "solver/skip_converged_subdomains";
 /// Name of an empty column, only in files of models without acceleration.
 pub(crate) const PLAIN: &str = "solver/plain";
 /// Name of the column with stiffness, ratio and damping time of the contacts between grains, then of those with each
@@ -256,6 +258,7 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
         relaxation,
         warm_start_factor,
         acceleration,
+        skip_converged_subdomains,
         penetration_correction,
     } = model.solver;
     let (rule, numbers) = match partition {
@@ -288,6 +291,9 @@ fn constants(model: &Model) -> Vec<Column<'_>> {
     }
     if acceleration == Acceleration::None {
         columns.push(f64s(PLAIN, Vec::new()));
+    }
+    if skip_converged_subdomains {
+        columns.push(f64s(SKIP, Vec::new()));
     }
     // Absent where all contacts are rigid.
     if !model.is_rigid() {

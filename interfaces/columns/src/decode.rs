@@ -3,7 +3,7 @@
 //! Reads: a [`ColumnReader`]. Contract: the result has consistent lengths; [`crate::validate`] checks its values.
 
 use crate::columns::{
-    CONVEX, ELASTIC, FORCE_CHECK, HALF_SPACE, HELD, LOADED, MOUNT, OVERLAP, PLAIN, RECOVERY,
+    CONVEX, ELASTIC, FORCE_CHECK, HALF_SPACE, HELD, LOADED, MOUNT, OVERLAP, PLAIN, RECOVERY, SKIP,
     SPRUNG, STIFFNESS, TWIST,
 };
 use crate::fault::Fault;
@@ -332,6 +332,7 @@ fn solver<R: ColumnReader>(source: &R) -> Result<Solver, R::Error> {
         relaxation: source.real("solver/relaxation")?,
         warm_start_factor: source.real("solver/warm_start")?,
         acceleration: if source.has(PLAIN) { Acceleration::None } else { Acceleration::Nncg },
+        skip_converged_subdomains: source.has(SKIP),
         penetration_correction: penetration_correction(source)?,
     })
 }

@@ -30,6 +30,7 @@ fn everything_comes_back_bit_for_bit() {
         let solver = &mut written.model.solver;
         (solver.schedule, solver.partition, solver.tolerance) = (schedule, partition, tolerance);
         solver.warm_start_factor = tolerance.map_or(1.0, |_| 0.25);
+        solver.skip_converged_subdomains = kind == Kind::Bed;
         solver.acceleration =
             if tolerance.is_none() { Acceleration::Nncg } else { Acceleration::None };
         solver.penetration_correction =
@@ -99,6 +100,7 @@ fn the_fingerprint_sees_every_kind_of_change() {
     assert!(changed(|c| c.state.contacts.feature[0] -= 1));
     assert!(changed(|c| c.model.solver.warm_start_factor = 0.5));
     assert!(changed(|c| c.model.solver.acceleration = Acceleration::None));
+    assert!(changed(|c| c.model.solver.skip_converged_subdomains = true));
     assert!(changed(|c| c.model.solver.penetration_correction = None));
     assert!(changed(|c| c.model.driven[0].name.push('x')));
     assert!(changed(|c| c.model.shapes[3].edges.swap(0, 1)));

@@ -87,6 +87,9 @@ pub struct SolverSection {
     /// Acceleration of the iterations to a tolerance. The asynchronous schedule has none.
     #[serde(with = "AccelerationName")]
     pub acceleration: model::Acceleration,
+    /// Skip subdomains that have converged until a later convergence test: less time in large beds, where tools disturb a small
+    /// part; more iterations in small ones. Only for the synchronous schedule with acceleration.
+    pub skip_converged_subdomains: bool,
     /// Steps from one force check to the next; 0: none. A check solves the step again from zero impulses, without effect on
     /// the run, and compares the forces on tines and sleepers (T-43).
     #[schemars(with = "u32")]
@@ -111,6 +114,7 @@ impl Default for SolverSection {
             relaxation: core.relaxation,
             warm_start_factor: core.warm_start_factor,
             acceleration: core.acceleration,
+            skip_converged_subdomains: core.skip_converged_subdomains,
             force_check_interval: core.force_check_interval,
             penetration_correction: core
                 .penetration_correction

@@ -195,6 +195,7 @@ fn solver(solver: &SolverSection, report: &mut DiagnosticReport) -> model::Solve
         relaxation: solver.relaxation,
         warm_start_factor: solver.warm_start_factor,
         acceleration: solver.acceleration,
+        skip_converged_subdomains: solver.skip_converged_subdomains,
         penetration_correction: solver.penetration_correction.map(|c| {
             model::PenetrationCorrection {
                 factor: c.factor,
@@ -262,13 +263,15 @@ fn partition(solver: &SolverSection, report: &mut DiagnosticReport) -> Partition
 
 /// Warns of keys that are written but have no effect.
 fn unused(solver: &SolverSection, report: &mut DiagnosticReport) {
+    const SKIP: &str = "skip_converged_subdomains";
     let keys: &[&str] = match (solver.tolerance > 0.0, solver.schedule) {
         (false, model::Schedule::Sequential) => {
-            &["norm", "acceleration", "partition", "interface_sweeps"]
+            &["norm", "acceleration", "partition", "interface_sweeps", SKIP]
         }
-        (false, _) => &["norm", "acceleration"],
-        (true, model::Schedule::Asynchronous) => &["acceleration"],
-        (true, model::Schedule::Sequential) => &["partition", "interface_sweeps"],
+        (false, _) => &["norm", "acceleration", SKIP],
+        (true, model::Schedule::Asynchronous) => &["acceleration", SKIP],
+        (true, model::Schedule::Sequential) => &["partition", "interface_sweeps", SKIP],
+        _ if solver.acceleration == model::Acceleration::None => &[SKIP],
         _ => &[],
     };
     for key in keys {
@@ -281,6 +284,7 @@ fn unused(solver: &SolverSection, report: &mut DiagnosticReport) {
                     "acceleration" => {
                         "acceleration without a tolerance, or with the asynchronous schedule"
                     }
+                    SKIP => "skipped subdomains without tolerance, acceleration or the synchronous schedule",
                     _ => "a division of the bed with the sequential schedule",
                 }
                 .into(),
