@@ -178,8 +178,8 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
         let mut iterations = 1;
         loop {
             let reply = match (self.side.compute(&guess), &last) {
-                (Err(Error::Window(_)), Some(last))
-                    if iterations < self.settings.max_iterations =>
+                (Err(error), Some(last))
+                    if error.is_of_motion() && iterations < self.settings.max_iterations =>
                 {
                     // The guess was too far for the ballast.
                     guess = halfway(last, &guess);

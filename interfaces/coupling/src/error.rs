@@ -1,6 +1,7 @@
 //! Errors of couplings.
 
 use crate::partner::PartnerError;
+use ballast_protocol::lockstep::ErrorCode;
 use ballast_protocol::messages::AdvanceReply;
 
 /// Error of a coupling.
@@ -35,4 +36,17 @@ pub enum Error {
     /// The component has not computed the window to its end.
     #[error("window {}: {:?}, {}", .0.seq, .0.status, .0.message)]
     Window(Box<AdvanceReply>),
+}
+
+impl Error {
+    /// Returns true if the component does not follow the motion, and may follow another.
+    pub(crate) fn is_of_motion(&self) -> bool {
+        match self {
+            Self::Window(_) => true,
+            Self::Request(ballast_zenoh::Error::Rejected(refusal)) => {
+                refusal.code == ErrorCode::InputInvalid
+            }
+            _ => false,
+        }
+    }
 }

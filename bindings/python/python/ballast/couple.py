@@ -232,8 +232,9 @@ class Coupling:
         for iteration in range(1, self.max_iterations + 1):
             try:
                 result = self._advance_simulation(guess, again=self.sim.now_ns != self._t0_ns)
-            except (CouplingError, ballast.RequestError):
-                if not last or iteration == self.max_iterations:
+            except (CouplingError, ballast.RequestError) as error:
+                is_of_motion = isinstance(error, CouplingError) or error.code == "input_invalid"
+                if not (is_of_motion and last) or iteration == self.max_iterations:
                     raise
                 # The guess was too far for the ballast.
                 guess = {name: 0.5 * (last[name] + row) for name, row in guess.items()}

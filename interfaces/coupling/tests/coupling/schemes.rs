@@ -132,6 +132,22 @@ fn a_failed_window_leaves_both_sides_at_its_start() {
 }
 
 #[test]
+fn a_refused_guess_is_followed_by_one_half_the_way() {
+    let mut undisturbed = couple(CouplingSettings::default());
+    let expected = run(&mut undisturbed, 6)[5].motion["tine"];
+    let before = undisturbed.simulation().requests.len();
+    let [.., (last, _)] = undisturbed.simulation().requests[..] else { panic!("requests") };
+    assert_eq!(last, WindowKind::Redo, "the sixth window is repeated");
+    // The last guess of the sixth window, which does not come again like this.
+    let bed = SpringBed { refused: Some(before - 1), ..SpringBed::new(STIFFNESS) };
+    let press = Press::new("tine", SPEED);
+    let mut coupling = Coupling::new(bed, press, CouplingSettings::default()).unwrap();
+    let window = run(&mut coupling, 6).pop().unwrap();
+    assert!(coupling.simulation().requests.len() > before && window.is_converged);
+    assert!((window.motion["tine"][2] - expected[2]).abs() < 2e-6);
+}
+
+#[test]
 fn a_window_in_which_the_partner_fails_is_repeated() {
     let mut undisturbed = couple(CouplingSettings::default());
     let expected = run(&mut undisturbed, 6)[5].motion["tine"];

@@ -4,7 +4,7 @@ use ballast_coupling::Simulation;
 use ballast_protocol::description::{
     BodyDescription, ComponentDescription, ContinuityTolerance, PROTOCOL_VERSION,
 };
-use ballast_protocol::lockstep::WindowKind;
+use ballast_protocol::lockstep::{ErrorCode, RequestError, WindowKind};
 use ballast_protocol::messages::{
     AdvanceReply, BodyMotion, BodySeries, Point, Quaternion, ReplyStatus, StepSeries, Twist,
     Vector3, WrenchImpulse, ns,
@@ -18,13 +18,15 @@ pub struct SpringBed {
     pub stiffness: f64,
     /// Height beyond which a window is discarded, m.
     pub limit: f64,
+    /// Number of the request that is refused, from 0.
+    pub refused: Option<usize>,
     pub now_ns: u64,
     pub requests: Vec<(WindowKind, [u64; 2])>,
 }
 
 impl SpringBed {
     pub fn new(stiffness: f64) -> Self {
-        Self { stiffness, limit: 1.0, now_ns: 0, requests: vec![] }
+        Self { stiffness, limit: 1.0, refused: None, now_ns: 0, requests: vec![] }
     }
 }
 
@@ -80,6 +82,10 @@ impl Simulation for SpringBed {
         let expected = if kind == WindowKind::Advance { ends[0] } else { ends[1] };
         assert_eq!(self.now_ns, expected, "{kind:?}");
         self.requests.push((kind, ends));
+        if self.refused == Some(self.requests.len() - 1) {
+            let refusal = RequestError::new(ErrorCode::InputInvalid, "too fast");
+            return Err(Error::Rejected(refusal));
+        }
         let heights = heights(&motions[0], ends);
         if heights.iter().any(|z| z.abs() > self.limit) {
             self.now_ns = ends[0];
