@@ -46,6 +46,7 @@ class Parameters:
     # Squeeze cylinders.
     bore: float = 0.040  # m; [S] ISO 6020-2
     rod: float = 0.022  # m; [S] ISO 6020-2
+    cylinder_stroke: float = 0.055  # m; [G] closes a blade by 60 mm, and 20 mm more at the cylinder
     line_volume: float = 1.0e-4  # m3 of hose and dead volume of each chamber; [E]
     bulk_modulus: float = 1.0e9  # Pa of oil with hoses and some air; [E] 1.4e9 for oil alone
     seal_friction: float = 250.0  # N; [E] 2 % of the largest force
@@ -179,8 +180,11 @@ class TampingUnit:
         self.y[self.at["pb"]] = p.supply_pressure
         self.area_a, self.area_b = p.piston_area(), p.rod_area()
         self.valve, self.check = p.valve_flow / math.sqrt(35e5), p.check_flow / math.sqrt(35e5)
-        self.stroke = p.closing_limit * p.upper_length / p.lower_length + 0.02
-        self.chamber_a, self.chamber_b = (p.line_volume + 0.5 * area * self.stroke for area in (self.area_a, self.area_b))
+        needed = p.closing_limit * p.upper_length / p.lower_length
+        if needed > p.cylinder_stroke:
+            raise ValueError(f"cylinder_stroke: expected at least {needed:.3f} m for the closing limit of {p.closing_limit} m, "
+                             f"found {p.cylinder_stroke} m")  # fmt: skip
+        self.chamber_a, self.chamber_b = (p.line_volume + 0.5 * area * p.cylinder_stroke for area in (self.area_a, self.area_b))
         # The oil presses the open pistons onto their stops by this overlap.
         self.seat = p.supply_pressure * p.rod_area() / p.stop_stiffness
         self.logic = {"time": start, "cycle": 0, "phase": "lift", "since": start, "stops": [None] * m, "lifting": 0.0,
@@ -254,6 +258,11 @@ class TampingUnit:
         """Returns the closing of each blade, m."""
         return self.p.lower_length * np.sin(self.y[self.at["phi"]])
 
+    def closing_by_cylinder(self):
+        """Returns the closing of each blade without the vibration, m, as a sensor on its cylinder measures it."""
+        extension = self._piston(self._get(self.y)) + self.seat
+        return self.p.lower_length * np.sin(extension / self.p.upper_length)
+
     # Cycle logic.
 
     @property
@@ -319,7 +328,7 @@ class TampingUnit:
         return (depth, speed) if phase == "insertion" else (self.travel - depth, -speed)
 
     def _stop_pairs(self, t, age, get):
-        closing = self.closing()
+        closing = self.closing_by_cylinder()
         for k, stop in enumerate(self.logic["stops"]):
             if stop is not None:
                 continue
@@ -434,7 +443,7 @@ class TampingUnit:
         p = self.p
         if piston < 0.0:
             return max(-p.stop_stiffness * piston - p.stop_damping * speed, 0.0), piston
-        over = piston - self.stroke
+        over = piston - p.cylinder_stroke
         if over > 0.0:
             return -max(p.stop_stiffness * over + p.stop_damping * speed, 0.0), over
         return 0.0, 0.0
@@ -445,7 +454,7 @@ class TampingUnit:
         """Returns the stored energies, J."""
         p, v = self.p, self._get(self.y)
         piston = self._piston(v)
-        overlap = np.minimum(piston, 0.0) + np.maximum(piston - self.stroke, 0.0)
+        overlap = np.minimum(piston, 0.0) + np.maximum(piston - p.cylinder_stroke, 0.0)
         return {
             "kinetic": 0.5 * float(p.unit_mass * v["vz"] ** 2 + p.arm_inertia * (v["dphi"] ** 2).sum()
                                    + p.eccentric_inertia * v["omega"] ** 2),
@@ -464,7 +473,7 @@ class TampingUnit:
             "pump": float(v["pump"]), "eccentric motor": float(v["motor"]), "lifting drive": lifting,
             "stored": sum(self.stored().values()) - self.stored_at_start,
             "valves": float(v["throttle"]), "friction": float(v["friction"]), "leakage and relief": float(v["leak"]),
-            "tines": float(v["tines"]), "sleeper": lifting,
+            "tines": float(v["tines"]),
         }  # fmt: skip
 
     def _trace_row(self, t, wrench):

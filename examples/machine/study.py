@@ -1,7 +1,7 @@
 """Compares cycles with the machine in the loop and with the same nominal motion imposed, over beds.
 
     python examples/machine/study.py --seeds 1,2,3,4,5,6
-    python examples/machine/study.py --seeds 1,2,3 --set preset_pressure=80e5,110e5 --set squeeze_time=0.6,0.8
+    python examples/machine/study.py --kinds loop --seeds 1,2,3 --set preset_pressure=80e5,110e5 --set squeeze_time=0.6,0.8
 
 Each bed is tamped three times: by the unit in the loop (`loop`), by its motion without load (`imposed`), and by that motion
 up to the mean closing which the loop reached on this bed (`same closing`). Written are `figures.csv`, a row for each bed and
@@ -25,13 +25,13 @@ HERE = Path(__file__).parent
 KINDS = ("loop", "imposed", "same closing")
 
 
-def measure(case, beds, *, settings, folder, source):
-    """Returns figures of the three cycles on a bed; `source` is a digest of the programs, so that changed ones run again."""
+def measure(case, beds, *, kinds, settings, folder, source):
+    """Returns figures of the cycles on a bed; `source` is a digest of the programs, so that changed ones run again."""
     sys.path.insert(0, folder)
     import tamp
 
     found = {}
-    for kind in KINDS:
+    for kind in kinds:
         others = dict(settings)
         if kind == "same closing":
             others["closing_limit"] = found["loop: mean closing, mm"] * 1e-3
@@ -69,17 +69,21 @@ def figures(f):
 def main():
     parser = argparse.ArgumentParser(description="Compare the machine in the loop with imposed motion, over beds")
     parser.add_argument("case", nargs="?", default=HERE / "tamping.toml", help="case file")
+    parser.add_argument("--kinds", default=",".join(KINDS), help="cycles to compare, the loop first")
     parser.add_argument("--seeds", default="1,2,3,4,5,6", help="seeds of the beds")
     parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE,...", help="parameter of the unit, or several")
     parser.add_argument("--out", type=Path, default=Path("runs/machine_study"), help="folder of the results")
     parser.add_argument("--jobs", type=int, help="processes (default: one per processor)")
     args = parser.parse_args()
     case, names = ballast.Case.load(args.case), [text.partition("=")[0] for text in args.set]
+    kinds = args.kinds.split(",")
+    if kinds[0] != "loop" or not set(kinds) <= set(KINDS):
+        raise SystemExit(f"--kinds: expected loop, or loop with some of {', '.join(KINDS[1:])}; found {args.kinds}")
     tables = []
     for values in itertools.product(*(text.partition("=")[2].split(",") for text in args.set)):
         settings = dict(zip(names, values, strict=True))
         points = study.grid({"bed.seed": [int(seed) for seed in args.seeds.split(",")]})
-        bound = partial(measure, settings=settings, folder=str(HERE), source=digest())
+        bound = partial(measure, kinds=kinds, settings=settings, folder=str(HERE), source=digest())
         table = study.run(case, points, args.out, measure=bound, jobs=args.jobs)
         tables.append(table.assign(**settings))
     table = pd.concat(tables, ignore_index=True)
@@ -89,7 +93,7 @@ def main():
     lines = []
     for values, group in table.groupby(names) if names else [((), table)]:
         lines += [", ".join(f"{name} = {value}" for name, value in zip(names, values, strict=True)), ""] * bool(names)
-        lines += [*report(group), ""]
+        lines += [*report(group, kinds), ""]
     (args.out / "study.md").write_text("\n".join(lines))
     print("\n".join(lines))
 
@@ -99,17 +103,17 @@ def digest():
     return hashlib.sha256(b"".join(programs)).hexdigest()
 
 
-def report(table):
+def report(table, kinds):
     """Yields means over beds for each kind, and differences to the loop."""
-    differences = [f"{kind} less loop" for kind in KINDS[1:]]
-    yield from (f"| {' | '.join(['figure', *KINDS, *differences])} |", "|---" * (1 + len(KINDS) + len(differences)) + "|")
+    differences = [f"{kind} less loop" for kind in kinds[1:]]
+    yield from (f"| {' | '.join(['figure', *kinds, *differences])} |", "|---" * (1 + len(kinds) + len(differences)) + "|")
     names = [column.removeprefix("loop: ") for column in table.columns if column.startswith("loop: ")]
     # Beds are the same for all kinds, so that their scatter cancels.
     table = table.assign(**{f"{kind} less loop: {name}": table[f"{kind}: {name}"] - table[f"loop: {name}"]
-                            for kind in KINDS[1:] for name in names})  # fmt: skip
+                            for kind in kinds[1:] for name in names})  # fmt: skip
     over_beds = study.statistics_over_beds(table)
     for name in names:
-        cells = ["{mean:.3g} ± {std:.2g}".format(**over_beds.loc[f"{kind}: {name}"]) for kind in KINDS]
+        cells = ["{mean:.3g} ± {std:.2g}".format(**over_beds.loc[f"{kind}: {name}"]) for kind in kinds]
         for kind in differences:
             figure = over_beds.loc[f"{kind}: {name}"]
             cells.append(f"{figure['mean']:+.3g} ± {figure['std'] / figure['count'] ** 0.5:.2g}")

@@ -256,9 +256,11 @@ def test_imposed_motion_is_compared_with_the_loop(place: Path) -> None:
     done = subprocess.run(program, capture_output=True, text=True, cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
     [row] = csv.DictReader((place / "study/figures.csv").open())
-    assert float(row["same closing: mean closing, mm"]) == pytest.approx(float(row["loop: mean closing, mm"]), rel=0.3)
+    assert float(row["same closing: mean closing, mm"]) == pytest.approx(float(row["loop: mean closing, mm"]), rel=0.02)
     assert float(row["imposed: work on the ballast, J"]) > float(row["loop: work on the ballast, J"]) > 0.0
     assert "imposed less loop" in (place / "study/study.md").read_text()
+    refused = subprocess.run([*program, "--kinds", "imposed"], capture_output=True, text=True, cwd=place)
+    assert refused.returncode == 1 and "--kinds: expected loop" in refused.stderr
 
 
 def test_schemes_are_compared(place: Path) -> None:

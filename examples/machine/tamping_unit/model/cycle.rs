@@ -43,7 +43,7 @@ pub struct Squeeze {
     pub time: f64,
     /// Cause of the stop.
     pub cause: StopCause,
-    /// Mean closing of the blades, m.
+    /// Mean closing of the blades without the vibration, m.
     pub closing: f64,
     /// Filtered load pressure, Pa.
     pub pressure: f64,
@@ -61,7 +61,7 @@ enum PairAction {
 pub struct Measurement {
     /// Height of the unit above its start, m.
     pub height: f64,
-    /// Mean closing of each pair, m.
+    /// Mean closing of each pair without the vibration, m.
     pub closings: Vec<f64>,
     /// Filtered load pressure of each pair, Pa.
     pub pressures: Vec<f64>,

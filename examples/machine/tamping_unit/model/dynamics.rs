@@ -89,7 +89,6 @@ pub struct Dynamics {
     area: [f64; 2],
     chambers: [f64; 2],
     seat: f64,
-    stroke: f64,
 }
 
 /// Dynamics in a time step, with constant loads and commands.
@@ -139,7 +138,6 @@ impl Dynamics {
             area: [p.piston_area(), p.rod_area()],
             chambers: p.chambers(),
             seat: p.seat(),
-            stroke: p.stroke(),
             p,
             signs,
             pair_of,
@@ -218,10 +216,16 @@ impl Dynamics {
         self.p.upper_length * y[self.arm(Arm::Phi, i)] - shaft - self.seat
     }
 
+    /// Returns the closing of blade `i` without the vibration, m, as a sensor on its cylinder measures it.
+    pub fn closing_by_cylinder(&self, y: &[f64], i: usize) -> f64 {
+        let extension = self.piston(y, i) + self.seat;
+        self.p.lower_length * (extension / self.p.upper_length).sin()
+    }
+
     /// Returns the force of the end stops on a piston (N), and the overlap (m), negative at the stop of the open tines.
     fn end_stop(&self, piston: f64, speed: f64) -> [f64; 2] {
         let p = &self.p;
-        let over = piston - self.stroke;
+        let over = piston - self.p.cylinder_stroke;
         if piston < 0.0 {
             [(-p.stop_stiffness * piston - p.stop_damping * speed).max(0.0), piston]
         } else if over > 0.0 {
@@ -247,7 +251,7 @@ impl Dynamics {
         for i in 0..self.signs.len() {
             let [dphi, pa, pb] = [Arm::Dphi, Arm::Pa, Arm::Pb].map(|part| y[self.arm(part, i)]);
             let piston = self.piston(y, i);
-            let overlap = piston.min(0.0) + (piston - self.stroke).max(0.0);
+            let overlap = piston.min(0.0) + (piston - self.p.cylinder_stroke).max(0.0);
             twice += p.arm_inertia * dphi * dphi
                 + (volume_a * pa * pa + volume_b * pb * pb) / p.bulk_modulus
                 + p.stop_stiffness * overlap * overlap;

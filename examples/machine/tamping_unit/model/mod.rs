@@ -205,10 +205,10 @@ impl TampingUnit {
     }
 
     fn measure(&self) -> Measurement {
-        let closings = self.closings();
         let mean = |pair: usize| {
-            let arms = self.tines.iter().zip(&closings).filter(|(tine, _)| tine.pair == pair);
-            let (sum, count) = arms.fold((0.0, 0.0), |(sum, n), (_, c)| (sum + c, n + 1.0));
+            let arms = self.tines.iter().enumerate().filter(|(_, tine)| tine.pair == pair);
+            let closings = arms.map(|(i, _)| self.dynamics.closing_by_cylinder(&self.state.y, i));
+            let (sum, count) = closings.fold((0.0, 0.0), |(sum, n), c| (sum + c, n + 1.0));
             sum / count
         };
         let pairs = 0..self.dynamics.pairs();

@@ -54,6 +54,8 @@ parameters! {
     bore = 0.040;
     /// Diameter of the rod, m.
     rod = 0.022;
+    /// Stroke of a piston, m.
+    cylinder_stroke = 0.055;
     /// Volume of hose and dead volume of each chamber, m³.
     line_volume = 1.0e-4;
     /// Bulk modulus of the oil with hoses and some air, Pa.
@@ -153,15 +155,10 @@ impl Parameters {
         self.amplitude * self.upper_length / self.lower_length
     }
 
-    /// Returns the stroke of a piston, m.
-    pub fn stroke(&self) -> f64 {
-        self.closing_limit * self.upper_length / self.lower_length + 0.02
-    }
-
     /// Returns the volumes of the chambers of a squeeze cylinder at half stroke, m³.
     pub fn chambers(&self) -> [f64; 2] {
         [self.piston_area(), self.rod_area()]
-            .map(|area| self.line_volume + 0.5 * area * self.stroke())
+            .map(|area| self.line_volume + 0.5 * area * self.cylinder_stroke)
     }
 
     /// Returns the overlap by which the oil presses the open pistons onto their stops, m.
