@@ -99,7 +99,7 @@ impl VisitNorms {
         }
     }
 
-    /// Returns true if these norms of some contacts, beside those of `all`, are below [`PART_LIMIT`] times the limits of the
+    /// Returns true if these norms of some contacts, beside those of `all`, are below half of the limits of the
     /// convergence test (T-11): sweeps over these contacts alone gain little until others change.
     pub fn is_part_converged(&self, all: &Self, tolerance: f64, gravity_dv: f64) -> bool {
         let limit = PART_LIMIT * tolerance;
