@@ -148,7 +148,7 @@ class Measured:
         return getattr(self.sim, name)
 
     def zones(self) -> dict[str, object]:
-        return measured({"under/a": 0.5, "under/b": 0.25, "under/c": None, "crib": 0.9})
+        return measured({"under/sleeper_1/1": 0.5, "under/sleeper_1/2": 0.25, "under/sleeper_1/3": None, "under/other": 0.9, "crib": 0.9})
 
     def advance_to(self, t1_ns: int, motions: dict[str, ballast.Motion], *, zones: bool) -> object:
         out = self.sim.advance_to(t1_ns, motions)
@@ -158,7 +158,9 @@ class Measured:
 class MeasuredResult:
     def __init__(self, out: ballast.WindowResult) -> None:
         self.out, self.status = out, out.status
-        self.zones = measured({"under/a": None, "under/b": 0.35, "under/c": 0.9, "crib": 0.9})
+        self.zones = measured({
+            "under/sleeper_1/1": None, "under/sleeper_1/2": 0.35, "under/sleeper_1/3": 0.9, "under/other": 0.9, "crib": 0.9,
+        })  # fmt: skip
 
     def __getitem__(self, name: str) -> ballast.BodyResult:
         return self.out[name]
@@ -183,7 +185,7 @@ def test_compactness_keeps_its_zones(
     assert info["gain_percent"] == pytest.approx(5.0)
     # What was known last goes with the episode.
     kept = pickle.loads(pickle.dumps(env.save()))
-    assert kept.zones == {"under/a": 0.5, "under/b": 0.35} and kept.compactness == after[2]
+    assert kept.zones == {"under/sleeper_1/1": 0.5, "under/sleeper_1/2": 0.35} and kept.compactness == after[2]
 
 
 def test_the_insertion_speed_limits_all_tines(case: ballast.Case, beds: Path) -> None:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ballast
+from ballast._zones import is_under, tamped_sleepers
 
 Array = NDArray[np.float64]
 
@@ -125,6 +126,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
     ) -> None:
         self.render_mode = render_mode
         self._case = case if isinstance(case, ballast.Case) else ballast.Case.load(case)
+        self._tamped = tamped_sleepers(self._case)
         lengths = {"interval_s": interval_s, "squeeze_speed": squeeze_speed, "insertion_speed": insertion_speed}
         for name, value in lengths.items():
             if not (math.isfinite(value) and value > 0.0):
@@ -168,7 +170,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         start = self._sim.save()
         self._home_positions = {tine.name: start.commanded_pose(tine.name)[0] for tine in self._tines}
         self._depth = self._closing = self._vibration_angle = self._vibration_omega = self._work = 0.0
-        self._zones = _zones_under_sleepers(self._sim.zones())
+        self._zones = self._zones_under_tamped(self._sim.zones())
         self._compactness = self._initial_compactness = _mean(self._zones)
         self._forces = np.zeros((len(self._tines), 3))
         return self._observe(), {"bed_seed": bed_seed}
@@ -207,7 +209,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             return self._observe(), 0.0, False, True, info
         self._depth, self._closing, self._vibration_angle, self._vibration_omega = end
         # A zone that cannot be measured keeps its value: the mean must not jump without any motion.
-        measured = _zones_under_sleepers(result.zones)
+        measured = self._zones_under_tamped(result.zones)
         self._zones = {name: measured.get(name, last) for name, last in self._zones.items()}
         compactness_before = self._compactness
         self._compactness = _mean(self._zones)
@@ -267,7 +269,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
                     if result.status not in ("ok", "warn"):
                         # Repeating the step would fail again.
                         raise ballast.Error(f"{result!r}: {result.error_message}")
-                if not _zones_under_sleepers(sim.zones()):
+                if not self._zones_under_tamped(sim.zones()):
                     found = "expected a case with ballast under a tamped sleeper, found none"
                     raise ballast.Error(f"{self._case!r}: {found}")
                 state = sim.save()
@@ -276,6 +278,11 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         if len(self._cached_states) > MAX_CACHED_STATES:
             del self._cached_states[next(iter(self._cached_states))]
         return ballast.resume(state, threads=self._threads)
+
+    def _zones_under_tamped(self, zones: dict[str, ballast.ZoneResult]) -> dict[str, float]:
+        """Returns the compactness of all zones under tamped sleepers that can be measured."""
+        under = {name: zone.compactness for name, zone in zones.items() if is_under(name, self._tamped)}
+        return {name: value for name, value in under.items() if value is not None}
 
     def _remaining_steps(self, now_ns: int) -> int:
         """Returns the number of complete time steps until the end of the case's run."""
@@ -340,12 +347,6 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         frequency = self._vibration_omega / (math.tau * FREQUENCY_RANGE_HZ[1])
         vibration = [math.sin(self._vibration_angle), math.cos(self._vibration_angle), frequency]
         return np.concatenate([progress, (self._forces / FORCE_SCALE_N).ravel(), vibration])
-
-
-def _zones_under_sleepers(zones: dict[str, ballast.ZoneResult]) -> dict[str, float]:
-    """Returns the compactness of all zones under tamped sleepers that can be measured."""
-    under = {name: zone.compactness for name, zone in zones.items() if name.startswith("under/")}
-    return {name: value for name, value in under.items() if value is not None}
 
 
 def _mean(values: dict[str, float]) -> float:

@@ -28,6 +28,7 @@ import ballast
 from ballast import _ballast, _identity, _pool
 from ballast._json import dumps, with_text_for_nonfinite
 from ballast._progress import show
+from ballast._zones import is_under, tamped_sleepers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -190,6 +191,7 @@ def run_tamping_cycle(case: ballast.Case, bed_cache: str) -> Figures:
     Raises:
         Error: a step cannot be computed.
     """
+    tamped = tamped_sleepers(case)
     has_tolerance = case.to_dict().get("solver", {}).get("tolerance") != 0
     with ballast.open(case, bed_cache=bed_cache, threads=1, progress=False) as sim:
         tines = [tine.name for tine in sim.tines]
@@ -219,7 +221,7 @@ def run_tamping_cycle(case: ballast.Case, bed_cache: str) -> Figures:
             continue
         figures[f"{name}: initial compactness"] = start
         figures[f"{name}: final compactness"] = end
-        if name.startswith("under/"):
+        if is_under(name, tamped):
             gains.append(end - start)
     for name, forces in squeeze_forces.items():
         if forces:
