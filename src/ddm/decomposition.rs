@@ -64,7 +64,7 @@ impl Decomposition {
         self.subdomains.resize_with(partition.grains.len(), Mutex::default);
         self.subdomains.par_iter_mut().enumerate().for_each(|(s, set)| {
             let set = get_mut(set);
-            set.set_converged(false);
+            set.mark_converged(false);
             let set = &mut set.contacts;
             let grains = partition.grains.list(s);
             set.pack(problem, partition.contacts.list(s), grains.len(), |g| line_of[g as usize]);
@@ -189,13 +189,14 @@ impl Decomposition {
         self.sum(|set| set.norms)
     }
 
-    /// Marks the sets whose norms of the last measured sweep are small beside `norms`, those of all sets.
-    pub(super) fn mark_converged_sets(&self, tolerance: f64, norms: &VisitNorms) {
+    /// Marks the sets whose norms of the last measured sweep are small beside `norms`, those of all sets; none without a
+    /// tolerance.
+    pub(super) fn mark_converged_sets(&self, tolerance: Option<f64>, norms: &VisitNorms) {
+        let is_converged = |part: &VisitNorms| {
+            tolerance.is_some_and(|limit| part.is_part_converged(norms, limit, self.gravity_dv))
+        };
         for s in 0..self.set_count() {
-            self.with_set(s, |set| {
-                let converged = set.norms.is_part_converged(norms, tolerance, self.gravity_dv);
-                set.set_converged(converged);
-            });
+            self.with_set(s, |set| set.mark_converged(is_converged(&set.norms)));
         }
     }
 

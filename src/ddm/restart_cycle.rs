@@ -7,7 +7,7 @@ use super::anderson::AndersonAcceleration;
 use super::decomposition::Decomposition;
 use super::iteration::AdaptiveRelaxation;
 use super::nncg::{Nncg, NncgAction};
-use crate::model::{Acceleration, Solver};
+use crate::model::{Acceleration, Norm, Solver};
 
 /// Iterations of a cycle, after which NNCG is restarted with more sweeps per iteration.
 const CYCLE_ITERATIONS: u32 = 1500;
@@ -76,6 +76,7 @@ impl<'a> RestartCycle<'a> {
     /// Returns true if sets that have converged are skipped: until the iterations have stagnated with reduced relaxation, too.
     pub fn skips_converged(&self) -> bool {
         self.solver.skip_converged_subdomains
+            && self.solver.norm != Norm::NaturalMap
             && self.nncg.is_some()
             && self.number == 0
             && !self.relaxation.has_stagnated_twice()

@@ -50,7 +50,7 @@ pub(super) struct SweepSet {
 
 impl SweepSet {
     /// Updates after a convergence test whether the set has converged.
-    pub fn set_converged(&mut self, is_converged: bool) {
+    pub fn mark_converged(&mut self, is_converged: bool) {
         self.was_skipped = self.is_converged && !is_converged;
         self.is_converged = is_converged;
         if is_converged {
@@ -120,7 +120,7 @@ impl InterfaceGroup {
             (u8::from(partition.owner[grain as usize] != first), line_of[grain as usize])
         }));
         let Self { set, grains, .. } = self;
-        set.set_converged(false);
+        set.mark_converged(false);
         set.contacts.pack(problem, contacts, grains.len(), |grain| {
             grains.partition_point(|&other| other < grain) as u32
         });

@@ -104,7 +104,7 @@ impl IterationBatch {
             let action = match self.action {
                 NncgAction::Init => NncgAction::Init,
                 _ if is_skipped => NncgAction::Idle,
-                _ if was_skipped && self.skips_converged => NncgAction::Restart,
+                _ if was_skipped => NncgAction::Restart,
                 action => action,
             };
             set.nncg.apply(&mut set.contacts, action);
@@ -178,9 +178,9 @@ impl<'a> IterationControl<'a> {
     ///
     /// `None` ends the iterations, unless the batch stays for [`Self::advance`] or the calling thread must poll.
     fn next_batch(&mut self, sets: &Decomposition) -> Option<PassBatch<IterationBatch>> {
-        if let Some(IterationBatch { done, is_tested, maps, tests_all, .. }) = self.batch {
+        if let Some(batch @ IterationBatch { done, is_tested, .. }) = self.batch {
             self.outcome.iterations = done;
-            if is_tested && self.test(sets, maps, tests_all) {
+            if is_tested && self.test(sets, &batch) {
                 self.batch = None;
                 return None;
             }
@@ -206,32 +206,31 @@ impl<'a> IterationControl<'a> {
     }
 
     /// Evaluates a convergence test; returns true if the iterations end with it.
-    fn test(&mut self, sets: &Decomposition, maps: bool, tests_all: bool) -> bool {
+    fn test(&mut self, sets: &Decomposition, batch: &IterationBatch) -> bool {
         let residuals = &mut self.outcome.residuals;
         let norms = sets.visit_norms();
         let relative_dv = norms.relative_dv(sets.gravity_dv);
         *residuals = norms.residuals();
-        if maps {
+        if batch.maps {
             residuals.natural_map = sets.last_natural_map();
         }
         let is_solved = is_solved(self.solver, residuals, relative_dv);
-        if is_solved && tests_all {
+        if is_solved && batch.tests_all {
             self.outcome.converged = true;
             return true;
         }
-        self.partial_tests = if tests_all { 0 } else { self.partial_tests + 1 };
+        self.partial_tests = if batch.tests_all { 0 } else { self.partial_tests + 1 };
         self.must_test_all = is_solved;
-        if let (true, Some(tolerance), Norm::Qm16 | Norm::Quad) =
-            (self.solver.skip_converged_subdomains, self.solver.tolerance, self.solver.norm)
-        {
-            sets.mark_converged_sets(tolerance, &norms);
-        }
         // Iterations do not recover from NaN.
         if residuals.quad.is_nan() {
             return true;
         }
         let residual = selected_residual(self.solver, residuals);
         self.cycle.observe(self.outcome.iterations, residual, relative_dv);
+        if self.solver.skip_converged_subdomains {
+            let tolerance = self.solver.tolerance.filter(|_| self.cycle.skips_converged());
+            sets.mark_converged_sets(tolerance, &norms);
+        }
         self.stopped = (self.cancelled)();
         self.stopped.is_some()
     }
