@@ -23,18 +23,12 @@ use crate::track::plan::{BlockPlan, Plan, SleeperPlan, TinePlan};
 /// tines' insertion zones, in this order; without those that have no volume to measure, such as a crib that is not filled at all.
 pub fn zones(plan: &Plan) -> Vec<Zone> {
     let mut zones = Vec::new();
+    for sleeper in &plan.sleepers {
+        zones.extend(under_blocks(plan, sleeper, "under", 0.0));
+    }
     let lift = plan.tamping.map_or(0.0, |tamping| tamping.lift.height);
-    let lifted = (lift > 0.0).then_some(("under_lifted", lift));
-    for (place, rise) in [("under", 0.0)].into_iter().chain(lifted) {
-        for sleeper in plan.sleepers.iter().filter(|sleeper| rise == 0.0 || sleeper.tamped) {
-            for (i, block) in sleeper.blocks.iter().enumerate() {
-                let number =
-                    if sleeper.blocks.len() > 1 { format!("/{}", i + 1) } else { String::new() };
-                let mut region = under(plan, sleeper, block);
-                region.high.z += rise;
-                zones.push(Zone { name: format!("{place}/{}{number}", sleeper.name), region });
-            }
-        }
+    for sleeper in plan.sleepers.iter().filter(|sleeper| sleeper.tamped && lift > 0.0) {
+        zones.extend(under_blocks(plan, sleeper, "under_lifted", lift));
     }
     for sleeper in &plan.sleepers {
         let [before, after] = cribs(plan, sleeper);
@@ -52,6 +46,22 @@ pub fn zones(plan: &Plan) -> Vec<Zone> {
 
 fn has_volume(zone: &Zone) -> bool {
     zone.region.low.iter().zip(&zone.region.high).all(|(low, high)| low < high)
+}
+
+/// The zones under the blocks of a sleeper, up to a height above its underside before the lift, m.
+fn under_blocks(
+    plan: &Plan,
+    sleeper: &SleeperPlan,
+    place: &str,
+    height: f64,
+) -> impl Iterator<Item = Zone> {
+    let is_single = sleeper.blocks.len() == 1;
+    sleeper.blocks.iter().enumerate().map(move |(i, block)| {
+        let number = if is_single { String::new() } else { format!("/{}", i + 1) };
+        let mut region = under(plan, sleeper, block);
+        region.high.z += height;
+        Zone { name: format!("{place}/{}{number}", sleeper.name), region }
+    })
 }
 
 fn under(plan: &Plan, sleeper: &SleeperPlan, block: &BlockPlan) -> AxisBox {
