@@ -2,7 +2,7 @@
 //!
 //! Reads: a checkpoint, which is checked as a whole, or the tables of contents of a results file.
 
-use crate::checkpoint;
+use crate::checkpoint::{self, Checkpoint};
 use crate::error::Result;
 use crate::results::ResultsReader;
 use crate::seal;
@@ -51,33 +51,46 @@ pub struct FileSummary {
 /// As for [`checkpoint::read`] and [`ResultsReader::open`].
 pub fn inspect(path: impl AsRef<Path>) -> Result<FileSummary> {
     let path = path.as_ref();
-    // Results have no seal at their start; everything else is read as a checkpoint.
-    if seal::is_hdf5(path)? { of_results(path) } else { of_checkpoint(path) }
+    if is_results(path)? {
+        of_results(path)
+    } else {
+        Ok(FileSummary::of_checkpoint(path, &checkpoint::read(path)?))
+    }
+}
+
+/// Returns true if a file is to be read as results: they have no seal at their start, as beds and checkpoints have.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn is_results(path: &Path) -> Result<bool> {
+    seal::is_hdf5(path)
 }
 
 fn size(path: &Path) -> u64 {
     std::fs::metadata(path).map_or(0, |m| m.len())
 }
 
-fn of_checkpoint(path: &Path) -> Result<FileSummary> {
-    let checkpoint = checkpoint::read(path)?;
-    let (model, state) = (&checkpoint.model, &checkpoint.state);
-    Ok(FileSummary {
-        kind: checkpoint.kind.name(),
-        version: checkpoint::VERSION,
-        grains: model.grains.len() as u64,
-        driven: model.driven.iter().map(|d| d.name.clone()).collect(),
-        step: Some(state.step),
-        time: Some(state.time()),
-        contacts: Some(state.contacts.bodies.len() as u64),
-        hash: Some(state_hash(model, state)),
-        stones: stone_statistics(model),
-        frames: None,
-        tables: vec![],
-        size: size(path),
-        case_name: checkpoint.case_name,
-        key: checkpoint.key,
-    })
+impl FileSummary {
+    /// Summarises a bed or checkpoint that was read from `path`.
+    pub fn of_checkpoint(path: &Path, checkpoint: &Checkpoint) -> Self {
+        let (model, state) = (&checkpoint.model, &checkpoint.state);
+        Self {
+            kind: checkpoint.kind.name(),
+            version: checkpoint::VERSION,
+            grains: model.grains.len() as u64,
+            driven: model.driven.iter().map(|d| d.name.clone()).collect(),
+            step: Some(state.step),
+            time: Some(state.time()),
+            contacts: Some(state.contacts.bodies.len() as u64),
+            hash: Some(state_hash(model, state)),
+            stones: stone_statistics(model),
+            frames: None,
+            tables: vec![],
+            size: size(path),
+            case_name: checkpoint.case_name.clone(),
+            key: checkpoint.key.clone(),
+        }
+    }
 }
 
 fn of_results(path: &Path) -> Result<FileSummary> {

@@ -3,25 +3,23 @@
 use crate::Result;
 use crate::case::{Case, CaseOverrides};
 use crate::quantities::Quantity;
-use crate::table::TextTable;
+use crate::table::{TextTable, figure};
 use ballast::component::{ZoneResult, measure_zones};
 use ballast::track;
-use ballast_hdf5::checkpoint::{self, Kind};
+use ballast_hdf5::checkpoint::{Checkpoint, Kind};
 use serde_json::{Value, json};
-use std::path::Path;
 
-/// Measures the zones of the checkpoint of a run; none in the file of a bed.
+/// Measures the zones of the checkpoint of a run; a bed has none.
 ///
 /// # Errors
-/// A file that cannot be read, or whose case is invalid.
-pub fn of_checkpoint(path: &Path) -> Result<Vec<ZoneResult>> {
-    let stored = checkpoint::read(path)?;
+/// A case that is invalid.
+pub fn measure_stored_zones(stored: &Checkpoint) -> Result<Vec<ZoneResult>> {
     if stored.kind != Kind::Run {
         return Ok(vec![]);
     }
     let choices = CaseOverrides::from_notes(&stored.extra)?;
     // The run has reported the warnings.
-    let case = Case::parse(stored.case_text, &stored.case_name)?.with_overrides(choices);
+    let case = Case::parse(stored.case_text.clone(), &stored.case_name)?.with_overrides(choices);
     Ok(measure_zones(&stored.model, &stored.state, &track::zones(&case.plan)))
 }
 
@@ -30,17 +28,10 @@ pub fn zones_table(zones: &[ZoneResult]) -> TextTable {
     let header = [Quantity::Compactness, Quantity::Coordination, Quantity::InertialNumber]
         .map(Quantity::label);
     let mut table = TextTable::new("zone", header);
-    let text = |value: Option<f64>, digits: usize| {
-        value.map_or_else(|| "-".to_string(), |value| format!("{value:.digits$}"))
-    };
     for zone in zones {
-        let inertial = zone.inertial_number.map_or_else(|| "-".to_string(), |i| format!("{i:.2e}"));
-        table.row([
-            zone.name.clone(),
-            text(zone.compactness, 4),
-            text(zone.coordination, 2),
-            inertial,
-        ]);
+        let values = [(zone.compactness, 4), (zone.coordination, 3), (zone.inertial_number, 3)];
+        let cells = values.map(|(value, digits)| value.map_or("-".into(), |v| figure(v, digits)));
+        table.row(std::iter::once(zone.name.clone()).chain(cells));
     }
     table
 }

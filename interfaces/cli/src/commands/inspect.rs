@@ -2,11 +2,13 @@
 
 use super::expected_file::ExpectedFile;
 use crate::console::Console;
+use ballast_hdf5::checkpoint::{self, Checkpoint};
+use ballast_hdf5::inspect::{FileSummary, inspect as inspect_file, is_results};
 use ballast_session::run_files::RunFiles;
 use ballast_session::stones::{stones_json, stones_text};
 use ballast_session::{Reporter, Result, zones};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 #[derive(Debug, Args)]
 pub struct InspectArgs {
@@ -16,16 +18,16 @@ pub struct InspectArgs {
 
 pub fn inspect(args: InspectArgs, console: Console) -> Result {
     let file = ExpectedFile::Any.find(&args.file)?;
-    let summary = ballast_hdf5::inspect::inspect(&file);
-    let summary = summary.map_err(|e| RunFiles::beside(&file).explain_read_failure(e.into()))?;
+    let found = read(&file).map_err(|e| RunFiles::beside(&file).explain_read_failure(e.into()));
+    let (summary, checkpoint) = found?;
     console.result(&summary.to_string());
     let mut fields = summary.to_json();
     if let Some(stones) = &summary.stones {
         console.result(&stones_text(stones));
         fields["stones"] = stones_json(stones);
     }
-    if summary.contacts.is_some() {
-        let zones = zones::of_checkpoint(&file).unwrap_or_else(|failure| {
+    if let Some(checkpoint) = checkpoint {
+        let zones = zones::measure_stored_zones(&checkpoint).unwrap_or_else(|failure| {
             console.warning(&format!("zones are not measured: {failure}"));
             vec![]
         });
@@ -36,4 +38,13 @@ pub fn inspect(args: InspectArgs, console: Console) -> Result {
     }
     console.event("file", fields);
     Ok(())
+}
+
+/// Returns the summary of a file, and its content if it is a bed or checkpoint.
+fn read(file: &Path) -> Result<(FileSummary, Option<Checkpoint>), ballast_hdf5::Error> {
+    if is_results(file)? {
+        return Ok((inspect_file(file)?, None));
+    }
+    let checkpoint = checkpoint::read(file)?;
+    Ok((FileSummary::of_checkpoint(file, &checkpoint), Some(checkpoint)))
 }
