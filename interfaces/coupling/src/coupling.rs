@@ -179,7 +179,7 @@ impl<S: Simulation, P: Partner + Send> Coupling<S, P> {
         loop {
             let reply = match (self.side.compute(&guess), &last) {
                 (Err(error), Some(last))
-                    if error.is_of_motion() && iterations < self.settings.max_iterations =>
+                    if error.concerns_motion() && iterations < self.settings.max_iterations =>
                 {
                     // The guess was too far for the ballast.
                     guess = halfway(last, &guess);

@@ -40,7 +40,7 @@ pub enum Error {
 
 impl Error {
     /// Returns true if the component does not follow the motion, and may follow another.
-    pub(crate) fn is_of_motion(&self) -> bool {
+    pub(crate) fn concerns_motion(&self) -> bool {
         match self {
             Self::Window(_) => true,
             Self::Request(ballast_zenoh::Error::Rejected(refusal)) => {

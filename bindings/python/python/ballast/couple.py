@@ -233,8 +233,8 @@ class Coupling:
             try:
                 result = self._advance_simulation(guess, again=self.sim.now_ns != self._t0_ns)
             except (CouplingError, ballast.RequestError) as error:
-                is_of_motion = isinstance(error, CouplingError) or error.code == "input_invalid"
-                if not (is_of_motion and last) or iteration == self.max_iterations:
+                concerns_motion = isinstance(error, CouplingError) or error.code == "input_invalid"
+                if not (concerns_motion and last) or iteration == self.max_iterations:
                     raise
                 # The guess was too far for the ballast.
                 guess = {name: 0.5 * (last[name] + row) for name, row in guess.items()}

@@ -170,7 +170,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
         start = self._sim.save()
         self._home_positions = {tine.name: start.commanded_pose(tine.name)[0] for tine in self._tines}
         self._depth = self._closing = self._vibration_angle = self._vibration_omega = self._work = 0.0
-        self._zones = self._zones_under_tamped(self._sim.zones())
+        self._zones = self._compactness_under_tamped(self._sim.zones())
         self._compactness = self._initial_compactness = _mean(self._zones)
         self._forces = np.zeros((len(self._tines), 3))
         return self._observe(), {"bed_seed": bed_seed}
@@ -209,7 +209,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             return self._observe(), 0.0, False, True, info
         self._depth, self._closing, self._vibration_angle, self._vibration_omega = end
         # A zone that cannot be measured keeps its value: the mean must not jump without any motion.
-        measured = self._zones_under_tamped(result.zones)
+        measured = self._compactness_under_tamped(result.zones)
         self._zones = {name: measured.get(name, last) for name, last in self._zones.items()}
         compactness_before = self._compactness
         self._compactness = _mean(self._zones)
@@ -269,7 +269,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
                     if result.status not in ("ok", "warn"):
                         # Repeating the step would fail again.
                         raise ballast.Error(f"{result!r}: {result.error_message}")
-                if not self._zones_under_tamped(sim.zones()):
+                if not self._compactness_under_tamped(sim.zones()):
                     found = "expected a case with ballast under a tamped sleeper, found none"
                     raise ballast.Error(f"{self._case!r}: {found}")
                 state = sim.save()
@@ -279,7 +279,7 @@ class TampingEnv(gymnasium.Env[Array, Array]):
             del self._cached_states[next(iter(self._cached_states))]
         return ballast.resume(state, threads=self._threads)
 
-    def _zones_under_tamped(self, zones: dict[str, ballast.ZoneResult]) -> dict[str, float]:
+    def _compactness_under_tamped(self, zones: dict[str, ballast.ZoneResult]) -> dict[str, float]:
         """Returns the compactness of all zones under tamped sleepers that can be measured."""
         under = {name: zone.compactness for name, zone in zones.items() if is_under(name, self._tamped)}
         return {name: value for name, value in under.items() if value is not None}
