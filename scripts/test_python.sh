@@ -5,6 +5,9 @@ cd "$(dirname "$0")/.."
 
 scripts/python.sh
 target/python/bin/pip install --quiet --disable-pip-version-check "./bindings/python[test]"
+# CoFmuPy and the FMPy that it needs, older than that of the environment; other requirements are for its servers and plots.
+[ -d target/cofmupy ] || target/python/bin/pip install --quiet --disable-pip-version-check --no-deps --target target/cofmupy \
+    cofmupy==1.0.0 fmpy==0.3.20
 # Tests compare results with those of the program.
 [ -x target/release/ballast ] || cargo build --release --locked --bin ballast
 target/python/bin/python -m pytest bindings/python "$@"

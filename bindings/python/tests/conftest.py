@@ -34,10 +34,41 @@ def beds(case: ballast.Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="session")
+def machine_case(case: ballast.Case) -> ballast.Case:
+    """The small case with rigid tines and compliant contacts, fit for a partner with mass."""
+    return case.with_values({
+        "tines.mount": {"rigid": True}, "bed.stiffness": {"grain_N_per_m": 1e6},
+        "tamping.insertion.duration_s": 0.1, "run.duration_s": 0.4, "run.step_s": 5e-4,
+        "solver.max_iterations": 1000, "solver.tolerance": 1e-4,
+    })  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def units(case: ballast.Case, beds: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """Co-simulation units of the small case by version of FMI."""
+    return export_units(case, beds, tmp_path_factory.mktemp("units"))
+
+
+@pytest.fixture(scope="session")
+def machine_units(machine_case: ballast.Case, beds: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """Co-simulation units of the case for partners with mass, by version of FMI."""
+    return export_units(machine_case, beds, tmp_path_factory.mktemp("machine_units"))
+
+
 @pytest.fixture
 def sim(case: ballast.Case, beds: Path) -> Iterator[ballast.Simulation]:
     with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
         yield sim
+
+
+def export_units(case: ballast.Case, beds: Path, folder: Path) -> dict[int, Path]:
+    """Exports co-simulation units of a case and returns their paths by version of FMI."""
+    case.write(folder / "tiny.toml")
+    program = [ROOT / "target/release/ballast", "export", "fmu", "tiny.toml", "--out", "tiny.fmu", "--fmi", "both"]
+    done = subprocess.run([*program, "--bed-cache", beds], capture_output=True, text=True, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return {version: folder / f"tiny_fmi{version}.fmu" for version in (2, 3)}
 
 
 def renamed(case: ballast.Case, stroke_m: float = 0.02) -> ballast.Case:

@@ -4,53 +4,24 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-import fmpy
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
+from fmu_instance import Instance
 
 STEP = 0.004
 
 
 def advance(unit: Path, first: int, last: int, state: bytes | None = None) -> tuple[str, bytes]:
     """Lowers the first tine in the steps `first` to `last`; returns the hash of the state, and the state."""
-    description = fmpy.read_model_description(unit)
-    references = {v.name: v.valueReference for v in description.modelVariables}
-    tine = next(name.split(".")[0] for name in references if name.startswith("tine"))
-    with TemporaryDirectory() as folder:
-        fmpy.extract(unit, folder)
-        is_old = description.fmiVersion == "2.0"
-        instance = (FMU2Slave if is_old else FMU3Slave)(
-            guid=description.guid if is_old else description.instantiationToken,
-            unzipDirectory=folder,
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="unit",
-        )
-        instance.instantiate()
-        read = instance.getReal if is_old else instance.getFloat64
-        write = instance.setReal if is_old else instance.setFloat64
-        if state is not None:
-            saved = (instance.deSerializeFMUstate if is_old else instance.deserializeFMUState)(state)
-            (instance.setFMUstate if is_old else instance.setFMUState)(saved)
-        else:
-            if is_old:
-                instance.setupExperiment(startTime=0.0)
-            instance.enterInitializationMode()
-            instance.exitInitializationMode()
-        height, velocity = references[f"{tine}.position[3]"], references[f"{tine}.velocity[3]"]
+    with Instance(unit, state=state) as instance:
+        tine = next(name.split(".")[0] for name in instance.variables if name.startswith("tine"))
+        height = f"{tine}.position[3]"
         # The height at the start of the run is in the description.
-        start = float(next(v.start for v in description.modelVariables if v.name == f"{tine}.position[3]"))
+        start = instance.start(height)
         for step in range(first, last):
-            write([height, velocity], [start - 0.2 * STEP * (step + 1), -0.2])
-            instance.doStep(step * STEP, STEP)
-        assert read([height])[0] == start - 0.2 * STEP * last
-        saved = (instance.getFMUstate if is_old else instance.getFMUState)()
-        end = bytes((instance.serializeFMUstate if is_old else instance.serializeFMUState)(saved))
-        [text] = instance.getString([references["state_hash"]])
-        instance.terminate()
-        instance.freeInstance()
-    return (text.decode() if isinstance(text, bytes) else text), end
+            instance.set({height: start - 0.2 * STEP * (step + 1), f"{tine}.velocity[3]": -0.2})
+            instance.fmu.doStep(step * STEP, STEP)
+        assert instance.get(height) == start - 0.2 * STEP * last
+        return instance.get("state_hash"), instance.state()
 
 
 if __name__ == "__main__":

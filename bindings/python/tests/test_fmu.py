@@ -9,7 +9,6 @@ from pathlib import Path
 import ballast
 import numpy as np
 import pytest
-from conftest import ROOT
 
 pytest.importorskip("fmpy")
 
@@ -20,16 +19,6 @@ from fmu_process import STEP, advance
 
 VERSIONS = [2, 3]
 TINE = "tine_1_plus"
-
-
-@pytest.fixture(scope="module")
-def units(case: ballast.Case, beds: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
-    folder = tmp_path_factory.mktemp("units")
-    case.write(folder / "tiny.toml")
-    program = [ROOT / "target/release/ballast", "export", "fmu", "tiny.toml", "--out", "tiny.fmu", "--fmi", "both"]
-    done = subprocess.run([*program, "--bed-cache", beds], capture_output=True, text=True, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    return {version: folder / f"tiny_fmi{version}.fmu" for version in VERSIONS}
 
 
 @pytest.mark.parametrize("version", VERSIONS)
