@@ -154,7 +154,7 @@ class UnitSimulation:
         bodies = {name: SimpleNamespace(work=self.read(f"{name}.work"), position=self.read(f"{name}.position", 3))
                   for name in self.bodies}  # fmt: skip
         forces = {name: np.concatenate([self.read(f"{name}.{what}", 3) for what in ("force", "torque")]) for name in self.bodies}
-        impulses = {name: np.tile(_impulse(force, self.step_ns * 1e-9), (steps, 1)) for name, force in forces.items()}
+        impulses = {name: np.tile(force * (self.step_ns * 1e-9), (steps, 1)) for name, force in forces.items()}
         not_converged = self.read("solver.steps_not_converged")
         return UnitResult("warn" if not_converged else "ok", self.now_ns, steps, bodies,
                           SimpleNamespace(steps_not_converged=not_converged), SimpleNamespace(impulses=impulses))  # fmt: skip
@@ -185,14 +185,6 @@ class UnitSimulation:
         full_depth = values["bed"]["sleeper_underside_z_m"] + lift["height_m"] - insertion["depth_m"]
         return SimpleNamespace(name=name, pair=int(number) - 1, direction={"plus": 1.0, "minus": -1.0}[direction],
                                start=self.read(f"{name}.position", 3), full_depth_z=full_depth)  # fmt: skip
-
-
-def _impulse(force, step):
-    """Returns the impulse that gives back the force to the last bit when it is divided by the time step."""
-    impulse = force * step
-    for neighbour in (np.nextafter(impulse, -np.inf), np.nextafter(impulse, np.inf)):
-        impulse = np.where(neighbour / step == force, neighbour, impulse)
-    return impulse
 
 
 def _text(value):

@@ -44,7 +44,8 @@ def main() -> None:
         counts.append(len(calls) - before)
     results = master.get_results()
     found = {"position": results["spring", "position"], "velocity": results["spring", "velocity"], "force": results["bed", force]}
-    print(json.dumps(found | {"counts": counts, "hash": bed.get_variable("state_hash")[0].decode()}))
+    [text] = bed.get_variable("state_hash")
+    print(json.dumps(found | {"counts": counts, "hash": text.decode() if isinstance(text, bytes) else text}))
 
 
 if __name__ == "__main__":

@@ -169,9 +169,10 @@ def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, 
     assert execution.status().state != CosimExecutionState.ERROR.value
 
 
+@pytest.mark.parametrize("version", [2, 3])
 def test_a_master_with_rollback_matches_redo(
     machine_units: dict[int, Path], spring: Path, machine_case: ballast.Case, beds: Path, master: Callable[..., Outcome],
-    tmp_path: Path,
+    version: int, tmp_path: Path,
 ) -> None:  # fmt: skip
     """CoFmuPy repeats each step from a saved state until mass and ballast agree, ten times at most."""
     pytest.importorskip("fmu_manipulation_toolbox")
@@ -180,14 +181,14 @@ def test_a_master_with_rollback_matches_redo(
         pytest.skip("target/cofmupy is missing; scripts/test_python.sh installs it")
     # CoFmuPy sets all inputs and reads all outputs as real numbers.
     part = tmp_path / "part.fmu"
-    names = "|".join(map(re.escape, (POSITION, VELOCITY, FORCE, "state_hash")))
-    tool("fmutool", "-input", machine_units[2], "-keep-only-regexp", f"^({names})$", "-output", part)
+    names = "|".join(map(re.escape, (POSITION, VELOCITY, FORCE, "state_hash", "time")))
+    tool("fmutool", "-input", machine_units[version], "-keep-only-regexp", f"^({names})$", "-output", part)
     program = [sys.executable, Path(__file__).with_name("cofmupy_process.py"), part, spring, TINE, STEP, STEPS]
     done = subprocess.run([*map(str, program)], capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(cofmupy)})
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
     assert 2 < max(found["counts"]) < 10, "no step was repeated, or one has not converged"
-    assert found["hash"] != master(2, "sequential", 1)[1]
+    assert found["hash"] != master(version, "sequential", 1)[1]
     with ballast.open(machine_case, bed_cache=beds, threads=1, progress=False) as sim, Instance(spring) as mass:
         for k, (position, velocity) in enumerate(zip(found["position"], found["velocity"], strict=True)):
             state = sim.save()
