@@ -8,7 +8,7 @@
 The unit (`machine.py`) and the bed are coupled by `ballast.couple`. It tamps all tamped sleepers of the case in turn. The
 run ends with a table on the terminal, in `table.md` and `figures.json`, and with a page to send, `report.html`. It writes
 a checkpoint every 50 windows; `--resume` continues from it, with the same bytes as an undisturbed run. The bed can also be
-one that `ballast serve CASE` computes; it has no zones, no probes and no checkpoints here.
+one that `ballast serve CASE` computes; it has no zones and no probes here, and keeps its part of the last checkpoint.
 """
 
 import argparse
@@ -54,24 +54,22 @@ def arguments(texts=None):
 
 def main():
     args = arguments()
-    if args.resume and args.connect:
-        raise SystemExit("--resume: expected a bed of this process, found --connect; serve the case again and start from its beginning")
     args.out.mkdir(parents=True, exist_ok=True)
     with open_simulation(args) as sim:
-        if args.connect and sim.now_ns > 0:
-            raise SystemExit(f"{args.connect}: expected a run at its start, found one at {sim.now_ns * 1e-9:.4f} s; serve it with --force")
-        coupling, unit = couple_unit(sim, ballast.Case.load(args.case), args)
-        run = new_run(sim, args)
+        if args.connect and sim.now_ns > 0 and not args.resume:
+            raise SystemExit(f"{args.connect}: expected a run at its start, found one at {sim.now_ns * 1e-9:.4f} s; serve it with --force, or --resume")
         saved = args.out / "checkpoint.pickle"
-        if args.resume:
-            checkpoint, run = read_checkpoint(saved, args, KEPT)
+        checkpoint, run = read_checkpoint(saved, args, KEPT) if args.resume else (None, new_run(sim, args))
+        coupling, unit = couple_unit(sim, ballast.Case.load(args.case), args, run["places"])
+        if checkpoint:
             coupling.restore(checkpoint)
         else:
             run["support"].append(support(sim, unit, args))
         for window in cycle_windows(coupling, unit, run, args):
             if len(run["windows"]) % args.checkpoint == 0:
-                if not args.connect:
-                    write_checkpoint(saved, args, KEPT, (coupling.save(), run))
+                # A served bed keeps its part of a checkpoint while the checkpoint is referenced.
+                checkpoint = coupling.save()
+                write_checkpoint(saved, args, KEPT, (checkpoint, run))
                 print(f"{sim.now_ns * 1e-9:.3f} s  {unit.phase}  {window.iterations} iterations", flush=True)
         run["support"].append(support(sim, unit, args))
         figures = summary(run, unit, sim)
@@ -97,7 +95,8 @@ def parsed(texts, parameters):
 
 
 def new_run(sim, args):
-    return {"rows": [], "windows": [], "wall": 0.0, "compactness": [compactness(sim, args)], "support": []}
+    return {"rows": [], "windows": [], "wall": 0.0, "compactness": [compactness(sim, args)], "support": [],
+            "places": sleeper_places(sim)}  # fmt: skip
 
 
 def cycle_windows(coupling, unit, run, args):
@@ -112,20 +111,24 @@ def cycle_windows(coupling, unit, run, args):
         yield window
 
 
-def couple_unit(sim, case, args):
-    """Returns the coupling of a simulation and a tamping unit, and the unit."""
+def couple_unit(sim, case, args, places=None):
+    """Returns the coupling of a simulation and a tamping unit, and the unit; `places` are those of the sleepers at the start."""
     pairs = [[int(k) for k in cycle.split(",")] for cycle in args.pairs.split("/")] if args.pairs else None
     parameters = machine.Parameters.of_case(case, **parsed(args.set, machine.Parameters))
-    unit = machine.TampingUnit(stations(sim), sim.step_ns * 1e-9, parameters, pairs, is_loaded=not args.imposed)
+    unit = machine.TampingUnit(stations(sim, places), sim.step_ns * 1e-9, parameters, pairs, is_loaded=not args.imposed)
     scheme = "staggered" if args.imposed else args.scheme
     return couple.Coupling(sim, unit, scheme, window_steps=args.window, acceleration=args.acceleration,
                            tolerance=args.tolerance, max_iterations=args.max_iterations), unit  # fmt: skip
 
 
-def stations(sim):
-    """Returns the tamped sleepers along the track, each with the tines nearest to it."""
-    state, tines = sim.save(), {}
-    places = {name: state.commanded_pose(name)[0] for name, role in sim.roles.items() if role == "sleeper"}
+def sleeper_places(sim):
+    state = sim.save()
+    return {name: state.commanded_pose(name)[0] for name, role in sim.roles.items() if role == "sleeper"}
+
+
+def stations(sim, places=None):
+    """Returns the tamped sleepers along the track, each with the tines nearest to it; `places`: those of the sleepers now."""
+    places, tines = places or sleeper_places(sim), {}
     for tine in sim.tines:
         tines.setdefault(min(places, key=lambda name: abs(places[name][0] - tine.start[0])), []).append(tine)
     if not tines:

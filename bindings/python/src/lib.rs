@@ -65,7 +65,7 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<state::PyState>()?;
     module.add_function(wrap_pyfunction!(schema, module)?)?;
     // Not in `__all__`: the package and `pickle` call these.
-    let private: [Bound<'_, PyCFunction>; 12] = [
+    let private: [Bound<'_, PyCFunction>; 13] = [
         wrap_pyfunction!(_replace_file, module)?,
         wrap_pyfunction!(case::_parse_toml, module)?,
         wrap_pyfunction!(case::_unpickle_case, module)?,
@@ -78,6 +78,7 @@ fn _ballast(module: &Bound<'_, PyModule>) -> PyResult<()> {
         wrap_pyfunction!(result::_unpickle_step_series, module)?,
         wrap_pyfunction!(result::_unpickle_window_result, module)?,
         wrap_pyfunction!(state::_unpickle_state, module)?,
+        wrap_pyfunction!(state::_unpickle_remote_state, module)?,
     ];
     private.into_iter().try_for_each(|function| {
         let name: String = function.getattr("__name__")?.extract()?;

@@ -8,7 +8,7 @@ use crate::calls::CallState;
 use crate::errors::{self, Error, RemoteError};
 use crate::lock::lock;
 use crate::result::PyWindowResult;
-use crate::state::{CommandedMotion, PyState, RemoteState, StateStorage};
+use crate::state::{CommandedMotion, PyState, RemoteState, StateStorage, StoredStates};
 use crate::threads::{TaskControl, ThreadPoolHandle, run_controlled};
 use ballast::cancel::CancelToken;
 use ballast::component::Twist;
@@ -147,9 +147,7 @@ pub struct RemoteBackend {
     /// Number of states saved so far.
     state_count: u64,
     /// States that the component stores for this simulation.
-    stored: BTreeSet<String>,
-    /// States without a reference in this process, which the component may release.
-    released: Arc<Mutex<Vec<String>>>,
+    stored: Arc<Mutex<StoredStates>>,
 }
 
 /// A requested window without a received reply.
@@ -186,8 +184,7 @@ impl RemoteBackend {
             last_result: LastResult::default(),
             has_failed: false,
             state_count: 0,
-            stored: BTreeSet::new(),
-            released: Arc::default(),
+            stored: Arc::default(),
         };
         Ok((backend, description))
     }
@@ -305,21 +302,21 @@ impl RemoteBackend {
 
     /// Releases states at the component that have no reference in this process any more.
     fn release_states(&mut self, py: Python<'_>) -> PyResult<()> {
-        let mut names = std::mem::take(&mut *lock(&self.released));
-        let stored = &mut self.stored;
+        let mut names = std::mem::take(&mut lock(&self.stored).unreferenced);
+        let stored = &self.stored;
         let result = self.client.request(py, |client| {
             while let Some(name) = names.last() {
                 match client.drop_state(name) {
                     // A restarted component has none of them and refuses.
                     Err(error) if error.request_error().is_none() => return Err(error),
-                    _ => stored.remove(name),
+                    _ => lock(stored).temporary.remove(name),
                 };
                 names.pop();
             }
             Ok(())
         });
         // The rest is released next time.
-        lock(&self.released).append(&mut names);
+        lock(&self.stored).unreferenced.append(&mut names);
         result
     }
 }
@@ -346,7 +343,7 @@ impl Backend for RemoteBackend {
         self.release_states(py)?;
         self.state_count += 1;
         let name = format!("{}-{}", self.client.client().id(), self.state_count);
-        self.stored.insert(name.clone());
+        lock(&self.stored).temporary.insert(name.clone());
         let place = self.client.request(py, |client| client.save(&name).cloned())?;
         Ok(PyState(StateStorage::Remote(RemoteState {
             component: self.client.client().connection().keys().name().into(),
@@ -354,7 +351,7 @@ impl Backend for RemoteBackend {
             name,
             bodies: Arc::clone(&self.names),
             commanded: Arc::clone(&self.commanded),
-            released: Arc::clone(&self.released),
+            stored: Mutex::new(Some(Arc::clone(&self.stored))),
         })))
     }
 
@@ -371,15 +368,28 @@ impl Backend for RemoteBackend {
             }
         };
         self.settle(py)?;
-        if !Arc::ptr_eq(&self.released, &state.released) {
-            let expected = "one that this simulation has saved".into();
+        let is_own = match &*lock(&state.stored) {
+            Some(stored) => Arc::ptr_eq(stored, &self.stored),
+            None => {
+                let connection = self.client.client().connection();
+                state.component == connection.keys().name()
+                    && state.place.run_id == self.client.client().position().run_id
+            }
+        };
+        if !is_own {
+            let expected = "one that this simulation has saved, or a pickled one of its run".into();
             return invalid(expected, format!("one saved at {}", state.component));
         }
-        let restore = |client: &mut Client| client.restore(&state.name).map(|_| ());
+        let restore = |client: &mut Client| client.restore(&state.name).cloned();
         let (restored, raised) = self.client.run(py, restore)?;
-        if let Err(error) = restored {
-            return Err(raised.unwrap_or_else(|| failed(py, error)));
+        let found = match restored {
+            Ok(place) => place.hash,
+            Err(error) => return Err(raised.unwrap_or_else(|| failed(py, error))),
+        };
+        if found != state.place.hash {
+            return invalid(format!("the hash {}", state.place.hash), found);
         }
+        *lock(&state.stored) = Some(Arc::clone(&self.stored));
         self.commanded = Arc::clone(&state.commanded);
         self.last_window = None;
         self.has_failed = false;
@@ -404,9 +414,11 @@ impl Backend for RemoteBackend {
         Ok(())
     }
 
-    /// Detaches. The run stays where it is; the states that the component stores for this simulation are released.
+    /// Detaches. The run stays where it is; the states that the component stores for this simulation are released, except
+    /// pickled ones.
     fn close(mut self: Box<Self>, py: Python<'_>) -> PyResult<()> {
-        self.client.detach(py, &self.stored)
+        let names = std::mem::take(&mut lock(&self.stored).temporary);
+        self.client.detach(py, &names)
     }
 }
 

@@ -5,15 +5,19 @@ use crate::case;
 use crate::errors;
 use crate::lock::lock;
 use ballast::component::Twist;
-use ballast::math::Pose;
+use ballast::math::{Pose, Quat};
 use ballast::model::Model;
 use ballast::state;
 use ballast_beds::Case;
 use ballast_hdf5::checkpoint::{self, Checkpoint, Kind};
+use ballast_protocol::MessageError;
 use ballast_protocol::lockstep::RunPosition;
+use ballast_protocol::messages::Quaternion;
 use ballast_scenario::CaseOverrides;
+use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -45,7 +49,9 @@ pub struct LocalState {
 /// Commanded pose of each driven body `[nd]`, and its commanded twist if the next motion must continue it.
 pub type CommandedMotion = Arc<[(Pose, Option<Twist>)]>;
 
-/// A state that a remote component stores; it is released there when the last reference is dropped.
+/// A state that a remote component stores.
+///
+/// It is released there when the last reference is dropped. Pickled, it outlives the simulation that saved it.
 pub struct RemoteState {
     pub component: String,
     pub place: RunPosition,
@@ -54,16 +60,75 @@ pub struct RemoteState {
     /// Names of the driven bodies `[nd]`.
     pub bodies: Arc<[String]>,
     pub commanded: CommandedMotion,
-    /// Names of the states that the component may release.
-    pub released: Arc<Mutex<Vec<String>>>,
+    /// Stored states of the simulation that saved or restored this one; `None` after unpickling.
+    pub stored: Mutex<Option<Arc<Mutex<StoredStates>>>>,
+}
+
+/// States that a component stores for a remote simulation, by name.
+#[derive(Default)]
+pub struct StoredStates {
+    /// States that are released when the simulation is closed.
+    pub temporary: BTreeSet<String>,
+    /// States without a reference in this process, which the component may release.
+    pub unreferenced: Vec<String>,
 }
 
 impl Drop for RemoteState {
     fn drop(&mut self) {
-        let name = std::mem::take(&mut self.name);
-        lock(&self.released).push(name);
+        if let Some(stored) = lock(&self.stored).take() {
+            lock(&stored).unreferenced.push(std::mem::take(&mut self.name));
+        }
     }
 }
+
+impl RemoteState {
+    /// Returns what another process needs to restore the state, which the component keeps from now on.
+    fn to_reference(&self) -> StateReference {
+        if let Some(stored) = &*lock(&self.stored) {
+            lock(stored).temporary.remove(&self.name);
+        }
+        let RunPosition { run_id, seq, now_ns, hash } = self.place.clone();
+        let body = |(name, (pose, twist)): (&String, &(Pose, Option<Twist>))| {
+            let q = &pose.orientation;
+            let pose = (pose.position.into(), [q.i, q.j, q.k, q.w]);
+            let twist = twist.map(|t| (t.velocity.into(), t.angular_velocity.into()));
+            (name.clone(), (pose, twist))
+        };
+        let bodies = self.bodies.iter().zip(self.commanded.iter()).map(body).collect();
+        (self.component.clone(), self.name.clone(), (run_id, seq, now_ns, hash), bodies)
+    }
+
+    fn from_reference(
+        (component, name, place, bodies): StateReference,
+    ) -> Result<Self, MessageError> {
+        let (run_id, seq, now_ns, hash) = place;
+        let commanded = |((position, [x, y, z, w]), last_twist): CommandedReference| {
+            let orientation = Quat::try_from(Quaternion { x, y, z, w })?;
+            let twist = |(velocity, angular_velocity): ([f64; 3], [f64; 3])| Twist {
+                velocity: velocity.into(),
+                angular_velocity: angular_velocity.into(),
+            };
+            Ok((Pose { position: position.into(), orientation }, last_twist.map(twist)))
+        };
+        let (bodies, motions): (Vec<String>, Vec<_>) = bodies.into_iter().unzip();
+        let commanded: Result<_, MessageError> = motions.into_iter().map(commanded).collect();
+        Ok(Self {
+            component,
+            place: RunPosition { run_id, seq, now_ns, hash },
+            name,
+            bodies: bodies.into(),
+            commanded: commanded?,
+            stored: Mutex::default(),
+        })
+    }
+}
+
+/// Pickled state of a remote simulation: component, name there, run position, and the driven bodies with their commanded
+/// motion.
+type StateReference = (String, String, (String, u64, u64, String), Vec<(String, CommandedReference)>);
+
+/// Position and orientation, and velocity and angular velocity.
+type CommandedReference = (([f64; 3], [f64; 4]), Option<([f64; 3], [f64; 3])>);
 
 /// Checkpoint note with the penetration limit, m; infinite: no limit.
 const PENETRATION_NOTE: &str = "max_penetration";
@@ -180,10 +245,18 @@ impl PyState {
 
     #[doc = stub!("State.__reduce__")]
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<PickledState<'py>> {
-        let state = self.local(py, "pickle")?;
-        let bytes = state.write_with(py, |state| checkpoint::to_bytes(PICKLE_NAME, state))?;
-        let unpickle = py.import("ballast._ballast")?.getattr("_unpickle_state")?;
-        Ok((unpickle, (PyBytes::new(py, &bytes),)))
+        let module = py.import("ballast._ballast")?;
+        match &self.0 {
+            StateStorage::Local(state) => {
+                let write = |state: &Checkpoint| checkpoint::to_bytes(PICKLE_NAME, state);
+                let bytes = PyBytes::new(py, &state.write_with(py, write)?);
+                Ok((module.getattr("_unpickle_state")?, (bytes.into_any(),)))
+            }
+            StateStorage::Remote(state) => {
+                let reference = state.to_reference().into_bound_py_any(py)?;
+                Ok((module.getattr("_unpickle_remote_state")?, (reference,)))
+            }
+        }
     }
 
     #[doc = stub!("State.__copy__")]
@@ -312,8 +385,8 @@ impl PyState {
     }
 }
 
-/// Unpickling function and the bytes of a checkpoint.
-type PickledState<'py> = (Bound<'py, PyAny>, (Bound<'py, PyBytes>,));
+/// Unpickling function, and the bytes of a checkpoint or a reference to a state of a component.
+type PickledState<'py> = (Bound<'py, PyAny>, (Bound<'py, PyAny>,));
 
 /// Name of pickled bytes in messages.
 const PICKLE_NAME: &str = "a pickled state";
@@ -322,6 +395,14 @@ const PICKLE_NAME: &str = "a pickled state";
 #[pyfunction]
 pub fn _unpickle_state(py: Python<'_>, bytes: &[u8]) -> PyResult<PyState> {
     Ok(PyState(StateStorage::Local(LocalState::from_bytes(py, bytes, PICKLE_NAME)?)))
+}
+
+/// Returns a pickled state of a remote simulation.
+#[pyfunction]
+pub fn _unpickle_remote_state(py: Python<'_>, reference: StateReference) -> PyResult<PyState> {
+    let state = RemoteState::from_reference(reference);
+    let state = state.map_err(|e| errors::invalid(py, PICKLE_NAME, e.expected, e.found))?;
+    Ok(PyState(StateStorage::Remote(state)))
 }
 
 /// Returns the index of a driven body in a list of names.

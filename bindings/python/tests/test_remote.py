@@ -268,9 +268,6 @@ def test_remote_simulations_refuse_local_operations(sim: ballast.Simulation, ser
             late = ballast.Motion([0, beyond], [[0, 0, 0]] * 2)
             with pytest.raises(ballast.RequestError, match=f"times_ns: expected .*, found {beyond}"):
                 there.advance_to(there.step_ns, {"tine_1_plus": late})
-        with pytest.raises(ballast.RequestError, match="pickle") as refused:
-            pickle.dumps(there.save())
-        assert refused.value.code == "remote_unsupported"
         with pytest.raises(ballast.RequestError, match="python") as refused:
             served.open()
         assert refused.value.code == "busy"
@@ -287,6 +284,28 @@ def test_unreferenced_remote_states_are_released(served: Served) -> None:
         for _ in range(100):
             there.save()
         there.restore(first)
+
+
+def test_a_pickled_remote_state_is_restored_by_another_process(served: Served) -> None:
+    with served.open() as there:
+        there.advance_to(there.now_ns + 2 * there.step_ns, down(there, 1e-4, 2))
+        kept = there.save()
+        hashes = [kept.hash]
+        pickled = pickle.dumps(kept)
+        unpickled = pickle.loads(pickled)
+        for name in there.bodies:
+            for part, other in zip(kept.commanded_pose(name), unpickled.commanded_pose(name), strict=True):
+                assert part.tolist() == other.tolist()
+        there.advance_to(there.now_ns + 2 * there.step_ns, down(there, 1e-4, 2))
+        hashes.append(there.save().hash)
+    with served.open() as other:
+        other.restore(pickle.loads(pickled))
+        assert other.save().hash == hashes[0]
+        other.advance_to(other.now_ns + 2 * other.step_ns, down(other, 1e-4, 2))
+        assert other.save().hash == hashes[1]
+        # The first restored copy is not referenced any more.
+        with pytest.raises(ballast.RequestError):
+            other.restore(pickle.loads(pickled))
 
 
 def test_a_restarted_component_continues(sim: ballast.Simulation, served: Served) -> None:

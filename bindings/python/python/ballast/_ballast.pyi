@@ -266,7 +266,8 @@ class Simulation:
 
     Remote components (`ballast.open("zenoh:SITE/ID")`): a cancelled window continues on the server, and repeating the
     call returns its result. Available: `advance_to`, `redo`, `last`, `save`, `restore`, `set_parameters`, `stop`,
-    `close`, `now_ns`, `step_ns`, `schedule`, `bodies`, `grain_count`, `roles`, `mounts`, `has_failed`, `is_closed`.
+    `close`, `now_ns`, `step_ns`, `schedule`, `bodies`, `grain_count`, `roles`, `mounts`, `tines`,
+    `has_failed`, `is_closed`.
     Other methods raise `RequestError(code="remote_unsupported")`.
     """
 
@@ -572,7 +573,8 @@ class State:
     valid for as long as they are referenced.
 
     A state of a remote simulation stays on the server for as long as it is referenced here. It has `time_ns`, `hash`,
-    `commanded_pose` and `commanded_twist`, can be restored, and cannot be pickled.
+    `commanded_pose` and `commanded_twist`, and can be restored. Pickled, it is a reference: the server keeps the state after
+    this simulation is closed or its process has ended, and a simulation of the same run in another process restores it.
     """
 
     @staticmethod
@@ -592,8 +594,8 @@ class State:
             FileError: the file cannot be written, or `path` is a file of another kind.
         """
 
-    def __reduce__(self) -> tuple[Callable[..., State], tuple[bytes]]:
-        """Pickles the state as the bytes of the file that `write` creates."""
+    def __reduce__(self) -> tuple[Callable[..., State], tuple[object]]:
+        """Pickles the state as the bytes of the file that `write` creates, that of a remote simulation as a reference."""
 
     def __copy__(self) -> State:
         """Returns the state itself, which is immutable."""
@@ -1141,6 +1143,7 @@ def _parse_toml(text: str) -> dict[str, Any]: ...
 def _write_sweep_plan(case: str, points: Sequence[Mapping[str, Any]], path: _Path) -> None: ...
 def _unpickle_case(text: str, seed: int | None, schedule: str | None) -> Case: ...
 def _unpickle_state(bytes: bytes) -> State: ...
+def _unpickle_remote_state(reference: object) -> State: ...
 def _unpickle_part(kind: str, bytes: bytes) -> Any: ...
 def _unpickle_step_series(bytes: bytes, names: Sequence[str]) -> StepSeries: ...
 def _unpickle_window_result(
