@@ -179,14 +179,10 @@ def test_blades_move_on_arcs_and_vibrate_in_opposition() -> None:
 
 
 @pytest.fixture(scope="module")
-def place(case: ballast.Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Working folder with the small case, made fit for the unit."""
+def place(machine_case: ballast.Case, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Working folder with the case for a partner with mass."""
     folder = tmp_path_factory.mktemp("machine")
-    case.with_values({
-        "tines.mount": {"rigid": True}, "bed.stiffness": {"grain_N_per_m": 1e6},
-        "tamping.insertion.duration_s": 0.1, "run.duration_s": 0.4, "run.step_s": 5e-4,
-        "solver.max_iterations": 1000, "solver.tolerance": 1e-4,
-    }).write(folder / "small.toml")  # fmt: skip
+    machine_case.write(folder / "small.toml")
     return folder
 
 
