@@ -25,6 +25,9 @@ pub struct ComponentDescription {
     pub step_ns: u64,
     /// Number of grains.
     pub grains: usize,
+    /// Hash of model and state at the start of the run, to which `reset` returns, hexadecimal: names the case and its bed.
+    #[serde(default)]
+    pub start_hash: String,
     /// Driven bodies.
     pub bodies: Vec<BodyDescription>,
     /// Tines of the tamping cycle of the case; empty without one.
@@ -148,6 +151,7 @@ impl ComponentDescription {
             protocol_version: PROTOCOL_VERSION,
             step_ns: model.stepping.step_ns,
             grains: model.grains.len(),
+            start_hash: lockstep.start_hash().to_string(),
             bodies: model.driven.iter().map(body).collect(),
             tines: Vec::new(),
             continuity: ContinuityTolerance {

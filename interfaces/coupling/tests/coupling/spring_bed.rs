@@ -56,6 +56,7 @@ impl Simulation for SpringBed {
             protocol_version: PROTOCOL_VERSION,
             step_ns: STEP_NS,
             grains: 0,
+            start_hash: String::new(),
             bodies: vec![body("tine", "prescribed"), body("sprung", "spring")],
             continuity: ContinuityTolerance {
                 distance_m: 0.0,

@@ -57,8 +57,9 @@ pub struct ResumeInfo {
 pub struct Lockstep {
     component: Component,
     run_id: String,
-    /// State that `reset` returns to.
+    /// State that `reset` returns to, and its hash.
     start: SavedState,
+    start_hash: StateHash,
     hash_function: fn(&Model, &State) -> u128,
     /// Hash of the current state, updated when the state changes.
     state_hash: StateHash,
@@ -94,6 +95,7 @@ impl Lockstep {
             component,
             run_id: run_id.into(),
             start,
+            start_hash: state_hash,
             hash_function: hash,
             state_hash,
             seq: 0,
@@ -136,6 +138,11 @@ impl Lockstep {
     /// Returns the hash of the current state.
     pub fn state_hash(&self) -> StateHash {
         self.state_hash
+    }
+
+    /// Returns the hash of the state at the start of the run.
+    pub fn start_hash(&self) -> StateHash {
+        self.start_hash
     }
 
     /// Returns the data that a checkpoint stores besides the state.
