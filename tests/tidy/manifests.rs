@@ -14,7 +14,7 @@ const FACES: [&str; 2] = ["ballast-cli", "ballast-python"];
 
 /// The packages between the interfaces and the faces, each with the packages of this workspace that it may use.
 const SHARED: [(&str, &[&str]); 7] = [
-    ("ballast-fmi", &["ballast-scenario"]),
+    ("ballast-fmi", &["ballast-scenario", "ballast-zenoh"]),
     ("ballast-coupling", &["ballast-zenoh"]),
     ("ballast-beds", &["ballast-scenario", "ballast-hdf5"]),
     (
@@ -134,7 +134,7 @@ fn the_python_package_shares_all_compiled_crates() {
     let program = compiled(&edges);
     let tests = compiled(&["--workspace", "--edges", "normal,build,dev"]);
     // Small, and different with and without the network.
-    let network = ["ballast-shared-features ", "ballast-session ", "ballast-cli "];
+    let network = ["ballast-shared-features ", "ballast-session ", "ballast-fmi ", "ballast-cli "];
     let own = |line: &String| !network.iter().any(|name| line.starts_with(name));
     let without_own = |lines: BTreeSet<String>| lines.into_iter().filter(own).collect();
     crate::none(objections(without_own(demo.clone()), &package));

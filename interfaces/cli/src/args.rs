@@ -391,7 +391,7 @@ pub struct ExportTablesArgs {
 
 #[derive(Debug, Subcommand)]
 pub enum ExportCommand {
-    /// Export a case with its prepared bed as a co-simulation unit (FMU) for FMI 2.0 or 3.0
+    /// Export a case as a co-simulation unit (FMU) for FMI 2.0 or 3.0, with its prepared bed or for a served component
     Fmu(ExportFmuArgs),
 }
 
@@ -408,6 +408,9 @@ pub struct ExportFmuArgs {
     /// Library of units (default: the one installed with the program)
     #[arg(long, value_name = "FILE")]
     pub library: Option<PathBuf>,
+    #[cfg(feature = "zenoh")]
+    #[command(flatten)]
+    pub server: crate::coupling::args::UnitServerArgs,
     #[command(flatten)]
     pub beds: BedCacheArgs,
     #[command(flatten)]

@@ -162,9 +162,9 @@ fn expect_pointer<'a, T>(pointer: *mut T, what: &str) -> Result<&'a mut T, Compl
 }
 
 /// Saves the state of an instance; a state that is already there is replaced.
-pub(crate) fn get_state(instance: &Instance, place: *mut *mut c_void) -> CallResult {
+pub(crate) fn get_state(instance: &mut Instance, place: *mut *mut c_void) -> CallResult {
     let place = expect_pointer(place, "state")?;
-    let saved = Box::into_raw(Box::new(instance.save())).cast();
+    let saved = Box::into_raw(Box::new(instance.save()?)).cast();
     let old = std::mem::replace(place, saved);
     drop_state(old);
     Ok(Status::Ok)
@@ -195,13 +195,13 @@ fn drop_state(saved: *mut c_void) {
 /// Returns the length of a serialised state.
 pub(crate) fn state_size(saved: *mut c_void, size: *mut usize) -> CallResult {
     let saved = expect_pointer(saved.cast::<UnitState>(), "state")?;
-    *expect_pointer(size, "size")? = saved.to_bytes().len();
+    *expect_pointer(size, "size")? = saved.to_bytes()?.len();
     Ok(Status::Ok)
 }
 
 /// Serialises a state.
 pub(crate) fn write_state(saved: *mut c_void, bytes: *mut u8, size: usize) -> CallResult {
-    let saved = expect_pointer(saved.cast::<UnitState>(), "state")?.to_bytes();
+    let saved = expect_pointer(saved.cast::<UnitState>(), "state")?.to_bytes()?;
     let Some(place) = array_mut(bytes, size)?.get_mut(..saved.len()) else {
         let text = format!("size: expected {} bytes, found {size}", saved.len());
         return Err(Complaint::error(text));

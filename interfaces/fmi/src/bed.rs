@@ -39,6 +39,9 @@ pub enum Error {
     /// A case without something to measure or to move.
     #[error(transparent)]
     Core(#[from] ballast::Error),
+    /// A served component that cannot be owned, or a wrong file that names it.
+    #[error("served bed: {0}")]
+    Served(String),
     /// A description or an archive that cannot be written.
     #[error("unit: {0}")]
     Package(String),

@@ -111,11 +111,33 @@ pub(crate) fn default_experiment(xml: &mut XmlWriter, bed: &UnitBed) -> io::Resu
     empty(xml, "DefaultExperiment", attributes)
 }
 
+/// Place of a unit's bed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum BedPlace<'a> {
+    /// Inside the unit.
+    Unit,
+    /// At the component of this name, `site/id`.
+    Server(&'a str),
+}
+
+impl BedPlace<'_> {
+    /// Returns true if the unit needs a server.
+    pub fn is_served(self) -> bool {
+        self != Self::Unit
+    }
+}
+
 /// Returns the description of a unit.
-pub(crate) fn summary(bed: &UnitBed) -> String {
+pub(crate) fn summary(bed: &UnitBed, place: BedPlace) -> String {
+    let place = match place {
+        BedPlace::Unit => String::new(),
+        BedPlace::Server(component) => {
+            format!(", computed by the component {component} of `ballast serve`")
+        }
+    };
     format!(
-        "Bed of {} ballast grains; SI units, world axes with z up, forces by the ballast on the bodies. Its bodies follow \
-         the inputs: the tamping cycle of the case does not run",
+        "Bed of {} ballast grains{place}; SI units, world axes with z up, forces by the ballast on the bodies. Its bodies \
+         follow the inputs: the tamping cycle of the case does not run",
         bed.model.grains.len()
     )
 }

@@ -2,8 +2,9 @@
 
 use crate::bed::UnitBed;
 use crate::description::{
-    Attributes, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment, document,
-    element, empty, has_start, input_times, log_categories, start, summary, units, usage, whole,
+    Attributes, BedPlace, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment,
+    document, element, empty, has_start, input_times, log_categories, start, summary, units, usage,
+    whole,
 };
 use crate::variable_table::VariableTable;
 use crate::variables::{ValueType, Variable, VariableUse, scalar_reference};
@@ -14,12 +15,13 @@ pub(crate) fn model_description(
     bed: &UnitBed,
     table: &VariableTable,
     token: &str,
+    place: BedPlace,
 ) -> io::Result<Vec<u8>> {
     let attributes = vec![
         ("fmiVersion", "2.0".into()),
         ("modelName", bed.name.clone()),
         ("guid", token.into()),
-        ("description", summary(bed)),
+        ("description", summary(bed, place)),
         ("generationTool", TOOL.into()),
         ("variableNamingConvention", "structured".into()),
         ("numberOfEventIndicators", "0".into()),
@@ -28,10 +30,12 @@ pub(crate) fn model_description(
         let yes = || "true".to_string();
         let abilities = vec![
             ("modelIdentifier", MODEL_IDENTIFIER.into()),
+            ("needsExecutionTool", place.is_served().to_string()),
             ("canHandleVariableCommunicationStepSize", yes()),
+            ("canBeInstantiatedOnlyOncePerProcess", place.is_served().to_string()),
             ("canNotUseMemoryManagementFunctions", yes()),
             ("canGetAndSetFMUstate", yes()),
-            ("canSerializeFMUstate", yes()),
+            ("canSerializeFMUstate", (!place.is_served()).to_string()),
         ];
         empty(xml, "CoSimulation", abilities)?;
         units(xml)?;
@@ -75,7 +79,7 @@ fn scalar(xml: &mut XmlWriter, variable: &Variable, k: usize) -> io::Result<()> 
             ValueType::Text => ("String", String::new()),
         };
         if !variable.unit.is_empty() {
-            of_type.push(("unit", variable.unit.into()));
+            of_type.push(("unit", variable.unit.clone()));
         }
         if has_start(variable) {
             of_type.push(("start", text));

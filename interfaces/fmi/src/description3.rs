@@ -2,8 +2,9 @@
 
 use crate::bed::UnitBed;
 use crate::description::{
-    Attributes, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment, document,
-    element, empty, has_start, input_times, log_categories, start, summary, units, usage, whole,
+    Attributes, BedPlace, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment,
+    document, element, empty, has_start, input_times, log_categories, start, summary, units, usage,
+    whole,
 };
 use crate::variable_table::VariableTable;
 use crate::variables::{TIME, ValueType, Variable, VariableUse, scalar_reference};
@@ -15,12 +16,13 @@ pub(crate) fn model_description(
     bed: &UnitBed,
     table: &VariableTable,
     token: &str,
+    place: BedPlace,
 ) -> io::Result<Vec<u8>> {
     let attributes = vec![
         ("fmiVersion", "3.0".into()),
         ("modelName", bed.name.clone()),
         ("instantiationToken", token.into()),
-        ("description", summary(bed)),
+        ("description", summary(bed, place)),
         ("generationTool", TOOL.into()),
         ("variableNamingConvention", "structured".into()),
     ];
@@ -28,8 +30,10 @@ pub(crate) fn model_description(
         let yes = || "true".to_string();
         let abilities = vec![
             ("modelIdentifier", MODEL_IDENTIFIER.into()),
+            ("needsExecutionTool", place.is_served().to_string()),
+            ("canBeInstantiatedOnlyOncePerProcess", place.is_served().to_string()),
             ("canGetAndSetFMUState", yes()),
-            ("canSerializeFMUState", yes()),
+            ("canSerializeFMUState", (!place.is_served()).to_string()),
             ("canHandleVariableCommunicationStepSize", yes()),
             ("fixedInternalStepSize", bed.model.stepping.h().to_string()),
             ("mightReturnEarlyFromDoStep", yes()),
@@ -119,7 +123,7 @@ fn variable_attributes<'a>(
         ValueType::Text => ("String", String::new()),
     };
     if !variable.unit.is_empty() {
-        attributes.push(("unit", variable.unit.into()));
+        attributes.push(("unit", variable.unit.clone()));
     }
     if has_start(variable) {
         attributes.push(("start", text));

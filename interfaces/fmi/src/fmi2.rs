@@ -4,7 +4,7 @@
 //! a module of their kind and return an error.
 
 use crate::abi::{self, ANY, BEFORE_END, SOUND, array, array_mut};
-use crate::instance::PartialStep;
+use crate::bed_backend::PartialStep;
 use crate::logger::{LogFunction2, LogReceiver};
 use crate::status::{Complaint, Status, UnitPhase};
 use crate::variables::ValueType;

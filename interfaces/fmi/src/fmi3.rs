@@ -3,8 +3,8 @@
 //! Names, arguments and meaning are those of the standard, version 3.0.2.
 
 use crate::abi::{self, ANY};
+use crate::bed_backend::PartialStep;
 use crate::fmi2::functions;
-use crate::instance::PartialStep;
 use crate::logger::{LogFunction3, LogReceiver};
 use crate::status::{Status, UnitPhase};
 use std::ffi::{c_char, c_void};

@@ -3,12 +3,12 @@
 //! An importer gives values, the component receives waveforms. Every motion begins where the last window ended, so that
 //! it never jumps.
 
+use crate::bed_backend::BedBackend;
 use crate::status::Complaint;
 use crate::variable_table::VariableTable;
 use crate::variables::Quantity;
 use ballast::component::{
-    Component, Interpolation, Knot, LoadInput, LoadKnot, LoadWaveform, MotionInput, Waveform,
-    WindowInputs,
+    Interpolation, Knot, LoadInput, LoadKnot, LoadWaveform, MotionInput, Waveform, WindowInputs,
 };
 use ballast::drive::Load;
 use ballast::math::{Pose, Quat, Vec3, is_unit, rotation};
@@ -49,22 +49,27 @@ pub(crate) struct InputValues<'a> {
 }
 
 impl InputValues<'_> {
-    /// Returns the inputs of the window from the state of `component` to `end_ns`.
-    pub fn window(&self, component: &Component, end_ns: u64) -> Result<WindowInputs, Complaint> {
+    /// Returns the inputs of the window from the state of `bed` to `end_ns`, with the names of the driven bodies `[nd]`.
+    pub fn window(
+        &self,
+        bed: &dyn BedBackend,
+        bodies: &[String],
+        end_ns: u64,
+    ) -> Result<WindowInputs, Complaint> {
         let mut inputs = WindowInputs::default();
-        for (d, body) in component.model().driven.iter().enumerate() {
+        for (d, body) in bodies.iter().enumerate() {
             if self.marks.moved[d] {
-                let waveform = self.waveform(component, d, end_ns)?;
-                let motion = MotionInput { body: body.name.clone(), waveform, allow_jump: false };
+                let waveform = self.waveform(bed, d, body, end_ns)?;
+                let motion = MotionInput { body: body.clone(), waveform, allow_jump: false };
                 inputs.motions.push(motion);
             }
             if let (Some(force), Some(torque)) =
                 (self.vector(Quantity::LoadForce(d)), self.vector(Quantity::LoadTorque(d)))
             {
                 let load = Load { force, torque };
-                let knots = vec![LoadKnot { time_ns: component.now_ns(), load }];
+                let knots = vec![LoadKnot { time_ns: bed.now_ns(), load }];
                 let waveform = LoadWaveform { is_held: true, knots };
-                inputs.loads.push(LoadInput { body: body.name.clone(), waveform });
+                inputs.loads.push(LoadInput { body: body.clone(), waveform });
             }
         }
         Ok(inputs)
@@ -72,15 +77,15 @@ impl InputValues<'_> {
 
     fn waveform(
         &self,
-        component: &Component,
+        bed: &dyn BedBackend,
         d: usize,
+        body: &str,
         end_ns: u64,
     ) -> Result<Waveform, Complaint> {
-        let (model, state) = (component.model(), component.state());
-        let now_ns = component.now_ns();
+        let now_ns = bed.now_ns();
         let seconds = (end_ns - now_ns) as f64 * 1e-9;
         let position = self.vector(Quantity::Position(d)).unwrap_or_default();
-        let orientation = self.orientation(d, &model.driven[d].name)?;
+        let orientation = self.orientation(d, body)?;
         let velocity = self.vector(Quantity::Velocity(d)).unwrap_or_default();
         let angular_velocity = self.vector(Quantity::AngularVelocity(d)).unwrap_or_default();
         let is_cubic = self.marks.twisted[d];
@@ -93,11 +98,10 @@ impl InputValues<'_> {
             Pose { position, orientation }
         };
         let end = Knot { time_ns: end_ns, pose, velocity, angular_velocity };
+        let (pose, twist) = bed.motion_start(d);
         // After a linear motion any twist is accepted: that of the input changes least.
-        let [velocity, angular_velocity] = component
-            .twist(d)
+        let [velocity, angular_velocity] = twist
             .map_or([velocity, angular_velocity], |twist| [twist.velocity, twist.angular_velocity]);
-        let pose = state.imposed(model, d);
         let start = Knot { time_ns: now_ns, pose, velocity, angular_velocity };
         let interpolation = if is_cubic { Interpolation::Hermite } else { Interpolation::Linear };
         Ok(Waveform { interpolation, knots: vec![start, end] })

@@ -1,31 +1,24 @@
 //! Instance of a unit: phases, variables and steps, without pointers.
 //!
-//! Reads: the bed among the resources. Contract: a refused call changes nothing; a discarded step leaves the state of its
+//! Reads: the resources of the unit. Contract: a refused call changes nothing; a discarded step leaves the state of its
 //! beginning.
 
-use crate::bed::{Error, UnitBed};
+use crate::bed::Error;
+use crate::bed_backend::{BedBackend, BedWindow, PartialStep, no_bytes};
 use crate::inputs::{InputMarks, InputValues};
 use crate::logger::UnitLogger;
 use crate::outputs;
+use crate::resources::UnitResources;
+use crate::served_unit::UnitOutline;
 use crate::status::{Complaint, Status, UnitPhase};
 use crate::unit_state::UnitState;
 use crate::variable_table::VariableTable;
 use crate::variables::{INPUT_TIMES, Quantity, TIME, ValueType, Variable, VariableUse};
-use ballast::component::{Component, Parameters, Refusal, WindowInputs, WindowStatus};
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use ballast::component::{Parameters, WindowInputs, WindowStatus};
 use std::ffi::CString;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
-
-/// Treatment of a step that ends before its time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum PartialStep {
-    /// The state stays at the end of the last complete time step.
-    Keep,
-    /// The state returns to the beginning of the step.
-    RollBack,
-}
 
 /// Outcome of a step.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,14 +30,11 @@ pub struct StepOutcome {
 }
 
 /// Instance of a unit.
-#[derive(Debug)]
 pub struct Instance {
-    bed: UnitBed,
     token: Arc<str>,
+    outline: UnitOutline,
     table: VariableTable,
-    component: Component,
-    /// Requested number of threads, and the threads.
-    pool: Option<(usize, ThreadPool)>,
+    bed: Box<dyn BedBackend>,
     values: Vec<f64>,
     marks: InputMarks,
     phase: UnitPhase,
@@ -61,22 +51,20 @@ impl Instance {
     /// Creates an instance from the resources of a unit with this token.
     ///
     /// # Errors
-    /// Resources that cannot be read, or of another unit.
+    /// Resources that cannot be read, or of another unit; a served component that cannot be owned.
     pub fn new(resources: &Path, token: &str, logger: UnitLogger) -> Result<Self, Error> {
-        let (bed, found) = UnitBed::read(resources)?;
+        let (resources, found) = UnitResources::read(resources)?;
         if token != found {
             return Err(Error::Case(format!("expected the token {found}, found {token:?}")));
         }
-        let component = bed.component()?;
-        let table = VariableTable::new(&bed);
+        let (outline, table, bed) = resources.open(&logger)?;
         Ok(Self {
             values: table.start_values(),
-            marks: InputMarks::new(bed.model.driven.len()),
+            marks: InputMarks::new(outline.bodies.len()),
             token: token.into(),
+            outline,
             table,
-            component,
             bed,
-            pool: None,
             phase: UnitPhase::Instantiated,
             start_s: 0.0,
             accepts_early_return: false,
@@ -88,11 +76,6 @@ impl Instance {
     /// Returns the variables.
     pub fn table(&self) -> &VariableTable {
         &self.table
-    }
-
-    /// Returns the component.
-    pub fn component(&self) -> &Component {
-        &self.component
     }
 
     /// Returns the phase.
@@ -107,7 +90,7 @@ impl Instance {
 
     /// Returns the time of the importer, s.
     pub fn time(&self) -> f64 {
-        let run_ns = self.component.now_ns().saturating_sub(self.bed.state.time_ns);
+        let run_ns = self.bed.now_ns().saturating_sub(self.outline.start_ns);
         self.start_s + run_ns as f64 * 1e-9
     }
 
@@ -148,14 +131,13 @@ impl Instance {
     /// Returns to the state after the creation.
     ///
     /// # Errors
-    /// Never, as the bed was read before.
+    /// A served component that does not reply.
     pub fn reset(&mut self) -> Result<(), Complaint> {
-        self.component = self.bed.component().map_err(|e| Complaint::error(e.to_string()))?;
+        self.bed.reset()?;
         self.values = self.table.start_values();
-        self.marks = InputMarks::new(self.bed.model.driven.len());
+        self.marks = InputMarks::new(self.outline.bodies.len());
         self.phase = UnitPhase::Instantiated;
         self.start_s = 0.0;
-        self.pool = None;
         Ok(())
     }
 
@@ -273,7 +255,7 @@ impl Instance {
     pub fn text(&mut self, reference: u32) -> Result<*const std::ffi::c_char, Complaint> {
         let (variable, _) = self.find(reference)?;
         expect_kind(variable, &[ValueType::Text])?;
-        let text = CString::new(format!("{:032x}", self.state_hash())).unwrap_or_default();
+        let text = CString::new(self.bed.state_hash()).unwrap_or_default();
         // Of two equal references in one call, the first pointer stays valid.
         if text != self.text {
             self.text = text;
@@ -281,16 +263,11 @@ impl Instance {
         Ok(self.text.as_ptr())
     }
 
-    /// Returns the hash of model and state.
-    pub fn state_hash(&self) -> u128 {
-        ballast_columns::state_hash(self.component.model(), self.component.state())
-    }
-
     /// Advances from `from_s` by `step_s` (s, time of the importer).
     ///
     /// # Errors
-    /// Another time than that of the instance; a time that is no whole number of time steps, and inputs that the component
-    /// refuses.
+    /// Another time than that of the instance; a time that is no whole number of time steps; inputs that the component
+    /// refuses; a served component that does not reply.
     pub fn do_step(
         &mut self,
         from_s: f64,
@@ -298,19 +275,10 @@ impl Instance {
         partial: PartialStep,
     ) -> Result<StepOutcome, Complaint> {
         let end_ns = self.end_of_step(from_s, step_s)?;
-        let parameters = self.parameters();
-        self.component.set_parameters(&parameters).map_err(refused)?;
+        self.bed.set_parameters(&self.parameters())?;
         let inputs = self.window_inputs(end_ns)?;
-        let before = self.component.save();
         self.start_threads()?;
-        let (pool, component) = (&self.pool, &mut self.component);
-        let mut advance = || component.advance_to(end_ns, &inputs);
-        let result = match pool {
-            Some((_, pool)) => pool.install(advance),
-            None => advance(),
-        };
-        let result = result.map_err(refused)?;
-        let reason = || result.error.as_ref().map_or("ended early".into(), ToString::to_string);
+        let BedWindow { result, reason } = self.bed.advance(end_ns, &inputs, partial)?;
         let status = match (result.status, partial) {
             (WindowStatus::Ok, _) => Status::Ok,
             (WindowStatus::Warn, _) => {
@@ -320,14 +288,12 @@ impl Instance {
                 Status::Warning
             }
             (WindowStatus::Early, PartialStep::Keep) => {
-                self.logger
-                    .log(Status::Discard, &format!("step at {} s: {}", self.time(), reason()));
+                let text = format!("step at {} s: {reason}", self.time());
+                self.logger.log(Status::Discard, &text);
                 Status::Ok
             }
             (WindowStatus::Early, PartialStep::RollBack) | (WindowStatus::Discard, _) => {
-                let text = format!("step from {from_s} s: {}", reason());
-                self.component.restore(before).map_err(refused)?;
-                return Err(Complaint::discard(text));
+                return Err(Complaint::discard(format!("step from {from_s} s: {reason}")));
             }
         };
         outputs::write(&self.table, &result, &mut self.values);
@@ -341,13 +307,14 @@ impl Instance {
     pub fn window_inputs(&self, end_ns: u64) -> Result<WindowInputs, Complaint> {
         let at_start = self.parameter(Quantity::InputsAt) == 2.0;
         let (table, values, marks) = (&self.table, &self.values[..], &self.marks);
-        InputValues { table, values, marks, at_start }.window(&self.component, end_ns)
+        let inputs = InputValues { table, values, marks, at_start };
+        inputs.window(&*self.bed, &self.outline.bodies, end_ns)
     }
 
     /// Returns the end of a step on the grid of time steps, ns.
     fn end_of_step(&self, from_s: f64, step_s: f64) -> Result<u64, Complaint> {
-        let h = self.bed.model.stepping.step_ns;
-        let h_s = self.bed.model.stepping.h();
+        let h = self.outline.step_ns;
+        let h_s = h as f64 * 1e-9;
         let now = self.time();
         if !(from_s.is_finite() && step_s.is_finite() && step_s > 0.0) {
             let found = format!("{from_s} s and {step_s} s");
@@ -365,7 +332,7 @@ impl Instance {
         let whole = steps.round();
         let is_on_grid = (steps - whole).abs() <= GRID_TOLERANCE && (1.0..=1e12).contains(&whole);
         let end = (whole as u64).checked_mul(h);
-        match end.and_then(|ahead| self.component.now_ns().checked_add(ahead)) {
+        match end.and_then(|ahead| self.bed.now_ns().checked_add(ahead)) {
             Some(end_ns) if is_on_grid => Ok(end_ns),
             _ => Err(Complaint::discard(format!(
                 "step: expected a whole number of time steps of {h_s} s, found {step_s} s"
@@ -389,31 +356,28 @@ impl Instance {
 
     /// Starts as many threads as the parameter says, unless they run.
     fn start_threads(&mut self) -> Result<(), Complaint> {
-        let threads = self.parameter(Quantity::Threads) as usize;
-        if self.pool.as_ref().is_some_and(|(running, _)| *running == threads) {
-            return Ok(());
-        }
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-        self.pool = Some((threads, pool.map_err(|e| Complaint::error(format!("threads: {e}")))?));
-        Ok(())
+        self.bed.set_threads(self.parameter(Quantity::Threads) as usize)
     }
 
     /// Returns everything that the next step depends on.
-    pub fn save(&self) -> UnitState {
-        UnitState::new(
+    ///
+    /// # Errors
+    /// A served component that does not reply, or keeps no further state.
+    pub fn save(&mut self) -> Result<UnitState, Complaint> {
+        Ok(UnitState::new(
             Arc::clone(&self.token),
-            self.component.save(),
+            self.bed.save()?,
             self.values.clone(),
             self.marks.clone(),
             self.phase,
             self.start_s,
-        )
+        ))
     }
 
     /// Restores a state of an instance of the same unit.
     ///
     /// # Errors
-    /// A state of another unit.
+    /// A state of another unit, or one that a served component lacks.
     pub fn restore(&mut self, saved: &UnitState) -> Result<(), Complaint> {
         if saved.token != self.token {
             let (expected, found) = (&self.token, &saved.token);
@@ -421,26 +385,21 @@ impl Instance {
                 "state: expected one of {expected}, found {found}"
             )));
         }
-        let state = Arc::clone(&saved.state);
-        let restored = if self.phase == UnitPhase::Failed {
-            self.component.recover(state)
-        } else {
-            self.component.restore(state)
-        };
-        restored.map_err(refused)?;
+        self.bed.restore(&saved.state, self.phase == UnitPhase::Failed)?;
         self.values.clone_from(&saved.values);
         self.marks.clone_from(&saved.marks);
         (self.phase, self.start_s) = (saved.phase, saved.start_s);
         // The hash covers the parameters.
-        self.component.set_parameters(&self.parameters()).map_err(refused)
+        self.bed.set_parameters(&self.parameters())
     }
 
     /// Reads a state of an instance of the same unit.
     ///
     /// # Errors
-    /// Changed bytes, or those of another unit.
+    /// Changed bytes, or those of another unit; a unit whose bed is on a server.
     pub fn read_state(&self, bytes: &[u8]) -> Result<UnitState, Complaint> {
-        let (model, elements) = (&self.bed.model, self.table.element_count());
+        let model = self.bed.model().ok_or_else(no_bytes)?;
+        let elements = self.table.element_count();
         UnitState::from_bytes(bytes, &self.token, model, elements)
             .map_err(|fault| Complaint::error(format!("serialised state: {fault}")))
     }
@@ -448,11 +407,6 @@ impl Instance {
 
 /// Difference of a time of the importer from the grid that counts as rounding, in time steps.
 const GRID_TOLERANCE: f64 = 1e-3;
-
-/// Returns the complaint about a request that the component refuses.
-fn refused(refusal: Refusal) -> Complaint {
-    Complaint::discard(refusal.to_string())
-}
 
 fn expect_kind(variable: &Variable, kinds: &[ValueType]) -> Result<(), Complaint> {
     if kinds.contains(&variable.kind) {

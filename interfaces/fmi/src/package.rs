@@ -1,7 +1,8 @@
-//! Archive of a unit: description, library, bed and case.
+//! Archive of a unit: description, library, case, and the bed or the component that serves it.
 
 use crate::bed::{BED_FILE, Error, UnitBed, instantiation_token};
-use crate::description::MODEL_IDENTIFIER;
+use crate::description::{BedPlace, MODEL_IDENTIFIER};
+use crate::served_unit::{SERVED_FILE, ServedUnit};
 use crate::variable_table::VariableTable;
 use crate::{description2, description3};
 use std::io::{Cursor, Write};
@@ -42,23 +43,47 @@ impl FmiVersion {
     }
 }
 
-/// Returns the bytes of a unit with a bed and a library; equal content gives equal bytes.
+/// Returns the bytes of a unit with a bed inside and a library; equal content gives equal bytes.
 ///
 /// # Errors
 /// A description or an archive that cannot be written.
 pub fn unit_bytes(bed: &UnitBed, library: &[u8], version: FmiVersion) -> Result<Vec<u8>, Error> {
-    let bytes = bed.to_bytes();
+    archive(bed, BedPlace::Unit, (BED_FILE, bed.to_bytes()), library, version)
+}
+
+/// Returns the bytes of a unit whose bed a component serves; equal content gives equal bytes.
+///
+/// # Errors
+/// A description or an archive that cannot be written.
+pub fn served_unit_bytes(
+    bed: &UnitBed,
+    served: &ServedUnit,
+    library: &[u8],
+    version: FmiVersion,
+) -> Result<Vec<u8>, Error> {
+    let place = BedPlace::Server(&served.component);
+    archive(bed, place, (SERVED_FILE, served.to_bytes()?), library, version)
+}
+
+/// Writes an archive with a resource that the library reads.
+fn archive(
+    bed: &UnitBed,
+    place: BedPlace,
+    (resource, bytes): (&str, Vec<u8>),
+    library: &[u8],
+    version: FmiVersion,
+) -> Result<Vec<u8>, Error> {
     let (token, table) = (instantiation_token(&bytes), VariableTable::new(bed));
     let failed = |e: &dyn std::fmt::Display| Error::Package(e.to_string());
     let description = match version {
-        FmiVersion::Two => description2::model_description(bed, &table, &token),
-        FmiVersion::Three => description3::model_description(bed, &table, &token),
+        FmiVersion::Two => description2::model_description(bed, &table, &token, place),
+        FmiVersion::Three => description3::model_description(bed, &table, &token, place),
     };
     let mut files = vec![
         ("modelDescription.xml".to_string(), description.map_err(|e| failed(&e))?, 0o644),
         (version.library_path(), library.to_vec(), 0o755),
-        (format!("resources/{BED_FILE}"), bytes, 0o644),
-        // For people; the library reads the bed.
+        (format!("resources/{resource}"), bytes, 0o644),
+        // For people; the library reads the file above.
         ("resources/case.toml".into(), bed.case_text.clone().into_bytes(), 0o644),
     ];
     if version == FmiVersion::Three {

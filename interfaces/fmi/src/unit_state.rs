@@ -1,9 +1,9 @@
 //! States of an instance that an importer keeps, and their bytes.
 
+use crate::bed_backend::{BedState, no_bytes};
 use crate::inputs::InputMarks;
-use crate::status::UnitPhase;
+use crate::status::{Complaint, UnitPhase};
 use ballast::model::Model;
-use ballast::state::State;
 use ballast_columns::bytes::{self, StoredColumns};
 use ballast_columns::columns::{self, Column, Data};
 use ballast_columns::{ColumnReader, Fault, decode};
@@ -14,8 +14,8 @@ use std::sync::{Arc, OnceLock};
 pub struct UnitState {
     /// Token of the unit.
     pub token: Arc<str>,
-    /// State of the component, shared and never written to.
-    pub state: Arc<State>,
+    /// State of the bed.
+    pub state: BedState,
     /// Values of all variables.
     pub values: Vec<f64>,
     /// Inputs that were set.
@@ -31,7 +31,7 @@ impl UnitState {
     /// Joins the parts of a state.
     pub fn new(
         token: Arc<str>,
-        state: Arc<State>,
+        state: BedState,
         values: Vec<f64>,
         marks: InputMarks,
         phase: UnitPhase,
@@ -41,8 +41,13 @@ impl UnitState {
     }
 
     /// Returns the state as bytes, f64 bit for bit; they are computed once.
-    pub fn to_bytes(&self) -> &[u8] {
-        self.bytes.get_or_init(|| {
+    ///
+    /// # Errors
+    /// A state that a server keeps.
+    pub fn to_bytes(&self) -> Result<&[u8], Complaint> {
+        #[cfg_attr(not(feature = "zenoh"), allow(irrefutable_let_patterns))]
+        let BedState::Local(state) = &self.state else { return Err(no_bytes()) };
+        Ok(self.bytes.get_or_init(|| {
             let flags = self.marks.moved.iter().zip(&self.marks.twisted);
             let flags = flags.map(|(&moved, &twisted)| u8::from(moved) + 2 * u8::from(twisted));
             let column = |name, data| Column { name, width: 1, data };
@@ -53,9 +58,9 @@ impl UnitState {
                 column("unit/phase", Data::U8(vec![self.phase as u8])),
                 column("unit/start_s", Data::F64(vec![self.start_s].into())),
             ];
-            let (state, memory) = (columns::of_state(&self.state), columns::of_memory(&self.state));
+            let (state, memory) = (columns::of_state(state), columns::of_memory(state));
             bytes::encode(state.iter().chain(&memory).chain(&own))
-        })
+        }))
     }
 
     /// Reads what [`UnitState::to_bytes`] has written for the same unit.
@@ -80,7 +85,7 @@ impl UnitState {
         let phase = UnitPhase::ALL.into_iter().find(|p| *p as u8 == phase);
         Ok(Self::new(
             Arc::clone(token),
-            Arc::new(state),
+            BedState::Local(Arc::new(state)),
             source.numbers("unit/values", Some(elements), 1)?,
             InputMarks {
                 moved: flags.iter().map(|flag| flag & 1 != 0).collect(),

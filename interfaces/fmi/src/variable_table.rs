@@ -32,6 +32,13 @@ impl VariableTable {
         table
     }
 
+    /// Lists variables in the order of their elements.
+    pub fn from_variables(variables: Vec<Variable>) -> Self {
+        let elements = |(k, variable): (usize, &Variable)| std::iter::repeat_n(k, variable.count);
+        let owner = variables.iter().enumerate().flat_map(elements).collect();
+        Self { variables, owner }
+    }
+
     /// Returns the number of elements.
     pub fn element_count(&self) -> usize {
         self.owner.len()
@@ -76,7 +83,7 @@ impl VariableTable {
             kind,
             usage,
             quantity,
-            unit,
+            unit: unit.into(),
             description: description.into(),
             start: start.to_vec(),
         });

@@ -4,6 +4,7 @@
 //! element `e` alone, and `ARRAYS + e` the whole variable that begins at element `e` (FMI 3.0).
 
 use ballast::math::Pose;
+use serde::{Deserialize, Deserializer, Serialize};
 use std::ops::Range;
 
 /// Value reference of the time, the independent variable (FMI 3.0).
@@ -12,7 +13,7 @@ pub const TIME: u32 = 0;
 pub const ARRAYS: u32 = 1 << 24;
 
 /// Type of a variable's values.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ValueType {
     /// Real number.
     Real,
@@ -31,7 +32,7 @@ pub const INPUT_TIMES: [(&str, &str); 2] = [
 ];
 
 /// Causality and variability of a variable.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum VariableUse {
     /// Continuous input.
     Input,
@@ -48,7 +49,7 @@ pub enum VariableUse {
 }
 
 /// Meaning of a variable; the number is that of a driven body or of a zone.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[allow(missing_docs)]
 pub enum Quantity {
     Step,
@@ -103,7 +104,7 @@ impl Quantity {
 }
 
 /// Variable of a unit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Variable {
     /// Structured name; a scalar of an array has its number from 1 in brackets behind it.
     pub name: String,
@@ -118,10 +119,11 @@ pub struct Variable {
     /// Meaning.
     pub quantity: Quantity,
     /// Unit; empty without one.
-    pub unit: &'static str,
+    pub unit: String,
     /// Sentence with frame, sign and reference point.
     pub description: String,
-    /// Values at the start `[count]`.
+    /// Values at the start `[count]`; NaN, in JSON `null`, where undefined.
+    #[serde(deserialize_with = "numbers_or_null")]
     pub start: Vec<f64>,
 }
 
@@ -140,6 +142,12 @@ impl Variable {
     pub fn scalar_name(&self, k: usize) -> String {
         if self.count == 1 { self.name.clone() } else { format!("{}[{}]", self.name, k + 1) }
     }
+}
+
+/// Deserializes numbers; JSON writes NaN as `null`.
+fn numbers_or_null<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<f64>, D::Error> {
+    let numbers = Vec::<Option<f64>>::deserialize(deserializer)?;
+    Ok(numbers.into_iter().map(|number| number.unwrap_or(f64::NAN)).collect())
 }
 
 /// Returns the value reference of an element.

@@ -5,10 +5,13 @@ use crate::args::{ExportArgs, ExportCommand, ExportFmuArgs, ExportTablesArgs, Fm
 use crate::beds;
 use crate::case::{self, CaseOverrides};
 use crate::console::Console;
+#[cfg(feature = "zenoh")]
+use crate::coupling::args::Endpoints;
 use crate::files::{begins_with, check_replaceable};
 use crate::interrupt;
 use ballast_fmu::bed::UnitBed;
-use ballast_fmu::package::{FmiVersion, LIBRARY_FILE, unit_bytes};
+use ballast_fmu::package::{FmiVersion, LIBRARY_FILE, served_unit_bytes, unit_bytes};
+use ballast_fmu::served_unit::{ServedEndpoints, ServedUnit};
 use ballast_hdf5::Error;
 use ballast_session::run_files::RunFiles;
 use ballast_session::{Failure, Reporter, Result};
@@ -45,20 +48,57 @@ fn export_units(args: &ExportFmuArgs, console: Console) -> Result {
         let is_archive = || begins_with(path, b"PK");
         check_replaceable(path, "a unit (.fmu)", is_archive).map_err(|e| Failure::at(path, e))?;
     }
+    let server = server(args)?;
     let library = library(args.library.as_deref())?;
     let choices = CaseOverrides::from(&args.overrides);
     let case = case::load(&args.case, &choices, &console)?;
     let (model, state) = beds::scene(&case, &args.beds.bed_cache, &console)?;
     let bed = UnitBed::new(model, state, case.text.clone(), case.overrides);
     let bed = bed.map_err(|e| case::invalid(&case, e))?;
+    let served = server.map(|(component, endpoints)| ServedUnit::new(&bed, component, endpoints));
     for (path, version) in &units {
-        let bytes = unit_bytes(&bed, &library, *version).map_err(|e| Failure::at(path, e))?;
+        let bytes = match &served {
+            Some(served) => served_unit_bytes(&bed, served, &library, *version),
+            None => unit_bytes(&bed, &library, *version),
+        };
+        let bytes = bytes.map_err(|e| Failure::at(path, e))?;
         ballast_hdf5::replace(path, &[&bytes])?;
         console.result(&format!("written: {}", path.display()));
     }
     let files: Vec<&Path> = units.iter().map(|(path, _)| path.as_path()).collect();
     console.event("exported", json!({ "files": files }));
     Ok(())
+}
+
+/// Returns name and endpoints of the component that computes the bed; `None` for a unit with its bed inside.
+#[cfg(feature = "zenoh")]
+fn server(args: &ExportFmuArgs) -> Result<Option<(String, ServedEndpoints)>> {
+    use ballast_zenoh::{Keys, SessionConfig};
+
+    let Endpoints { connect, router, listen, config } = args.server.endpoints.clone();
+    let Some(component) = &args.server.served else {
+        let is_without = connect.is_empty() && listen.is_empty() && router.is_none();
+        return match config {
+            None if is_without => Ok(None),
+            _ => Err(Failure::Usage(
+                "export fmu: expected --served SITE/ID beside endpoints, found none; name the component".into(),
+            )),
+        };
+    };
+    Keys::of(component)?;
+    // The file may only exist where the importer runs; the endpoints are checked.
+    let session = SessionConfig { config: None, ..args.server.endpoints.to_connect() };
+    session.listen_endpoints()?;
+    // The importer runs in another folder.
+    let config = config.map(std::path::absolute).transpose();
+    let config = config.map_err(|e| Failure::Usage(format!("--config: {e}")))?;
+    Ok(Some((component.clone(), ServedEndpoints { connect, listen, router, config })))
+}
+
+/// Returns no component: this program has no network.
+#[cfg(not(feature = "zenoh"))]
+fn server(_args: &ExportFmuArgs) -> Result<Option<(String, ServedEndpoints)>> {
+    Ok(None)
 }
 
 /// Returns the units to write with their versions.

@@ -80,6 +80,16 @@ pub struct ServeArgs {
     pub record: Option<PathBuf>,
 }
 
+/// Component that computes the bed of a co-simulation unit.
+#[derive(Debug, Args)]
+pub struct UnitServerArgs {
+    /// Write a unit without bed that steps this served component, SITE/ID, at the endpoints below
+    #[arg(long, value_name = "SITE/ID")]
+    pub served: Option<String>,
+    #[command(flatten)]
+    pub endpoints: Endpoints,
+}
+
 #[derive(Debug, Args)]
 pub struct DescribeArgs {
     /// Name of the component, SITE/ID

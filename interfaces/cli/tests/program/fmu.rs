@@ -51,3 +51,23 @@ fn impossible_exports_are_refused() {
     export("tiny.toml").with_code(2);
     assert!(!place.path("bed.fmu").exists());
 }
+
+#[cfg(feature = "zenoh")]
+#[test]
+fn a_unit_for_a_served_component_has_no_bed() {
+    let place = Place::new();
+    let export = |arguments: &str| place.with_beds(&format!("export fmu tiny.toml {arguments}"));
+    export("-o served.fmu --served yard/bed --connect tcp/127.0.0.1:7551").with_code(0);
+    let archive = std::fs::read(place.path("served.fmu")).unwrap();
+    let has = |name: &str| archive.windows(name.len()).any(|part| part == name.as_bytes());
+    assert!(has("resources/served.json") && !has("bed.ballast"));
+    for (arguments, code, reason) in [
+        ("--connect tcp/127.0.0.1:7551", 2, "expected --served SITE/ID"),
+        ("--served bed", 2, "expected SITE/ID"),
+        ("--served yard/bed --connect 127.0.0.1", 4, "expected PROTOCOL/ADDRESS"),
+    ] {
+        let refused = export(&format!("-o other.fmu {arguments}")).with_code(code);
+        assert!(refused.stderr().contains(reason), "{}", refused.stderr());
+    }
+    assert!(!place.path("other.fmu").exists());
+}

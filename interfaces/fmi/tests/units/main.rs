@@ -3,5 +3,7 @@
 mod beds;
 mod driver;
 mod random_calls;
+#[cfg(feature = "zenoh")]
+mod served;
 mod states;
 mod steps;
