@@ -11,7 +11,6 @@
 pub mod messages;
 pub mod motion;
 pub mod recording;
-pub mod scene;
 pub mod verify;
 
 mod chunk;
@@ -20,14 +19,13 @@ mod metadata;
 mod other_format;
 mod record;
 mod summary_section;
-mod topic_message;
 mod window;
 mod window_recorder;
 mod writer;
 
+pub use ballast_protocol::TopicMessage;
 pub use error::{Error, Result};
 pub use metadata::{Drive, RecordingMetadata};
-pub use topic_message::TopicMessage;
 pub use verify::verify;
 pub use window_recorder::{WindowRecorder, may_become_a_recording};
 pub use writer::McapWriter;

@@ -3,14 +3,15 @@
 use crate::error::{Error, Result};
 use crate::messages::McapMessage;
 use crate::recording::{RecordedWindow, WindowReader};
-use crate::topic_message::TopicMessage;
-use crate::window::{self, zone_topic};
+use crate::window;
 use ballast::component::{self, Component, Refusal, StepCallback, StopReason, WindowResult};
 use ballast::model::Model;
 use ballast::observe::Zone;
 use ballast::state::State;
 use ballast::step::StepReport;
+use ballast_protocol::TopicMessage;
 use ballast_protocol::messages::{AdvanceReply, StateHash, decode_to_json};
+use ballast_protocol::topics::{self, zone_topic};
 use serde_json::Value;
 use std::ops::ControlFlow;
 
@@ -88,7 +89,7 @@ pub fn verify(
     let mut count = 0;
     let refused = |windows: &WindowReader, e| Error::Refused(e, windows.path().into());
     // Messages before a window: for the first one, those of the recording's start.
-    let mut start = window::start_messages(component.model(), component.state())
+    let mut start = topics::start_messages(component.model(), component.state())
         .map_err(|e| refused(windows, e))?;
     while let Some(window) = windows.next()? {
         let seq = window.record.seq;

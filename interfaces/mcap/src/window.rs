@@ -1,77 +1,15 @@
 //! Messages of a window in a recording.
 
-use crate::topic_message::{TopicMessage, topic_part};
-use ballast::model::{Model, Role};
+use ballast::model::Model;
 use ballast::state::State;
-use ballast_protocol::MessageError;
-use ballast_protocol::messages::{
-    AdvanceReply, AdvanceRequest, Clock, Header, PoseStamped, TFMessage, Time, Transform,
-    TransformStamped, Twist, TwistStamped, WORLD, WindowRecord, WrenchStamped,
-};
+use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, WindowRecord};
+use ballast_protocol::{MessageError, TopicMessage, topics};
 
 /// Topic of the records of windows.
 pub(crate) const STEP: &str = "/ballast/step";
 
 /// Topic of solver parameters, which apply from the next window on.
 pub(crate) const PARAMETERS: &str = "/ballast/parameters";
-
-pub(crate) fn zone_topic(zone: &str) -> String {
-    format!("/ballast/zone/{}", topic_part(zone))
-}
-
-/// Topic of transforms that do not change.
-pub(crate) const STATIC: &str = "/tf_static";
-
-/// Returns the messages at the start of a recording.
-pub(crate) fn start_messages(
-    model: &Model,
-    state: &State,
-) -> Result<Vec<TopicMessage>, MessageError> {
-    Ok([static_transforms(model, state)?, configuration(model, state)?].concat())
-}
-
-/// Returns the transforms of floor and walls, which a recording has once.
-fn static_transforms(model: &Model, state: &State) -> Result<Vec<TopicMessage>, MessageError> {
-    let fixed = (0..model.driven.len()).filter(|d| model.driven[*d].role == Role::Boundary);
-    let transforms = fixed.map(|d| transform(model, state, d)).collect();
-    Ok(vec![TopicMessage::of(STATIC, state.time_ns, &TFMessage { transforms })?])
-}
-
-/// Returns clock, transforms, poses and twists of tools and sleepers.
-fn configuration(model: &Model, state: &State) -> Result<Vec<TopicMessage>, MessageError> {
-    let time = state.time_ns;
-    let tools: Vec<usize> =
-        (0..model.driven.len()).filter(|d| model.driven[*d].role != Role::Boundary).collect();
-    let transforms = tools.iter().map(|&d| transform(model, state, d)).collect();
-    let mut messages = vec![
-        TopicMessage::of("/clock", time, &Clock { clock: Time::from_ns(time) })?,
-        TopicMessage::of("/tf", time, &TFMessage { transforms })?,
-    ];
-    for d in tools {
-        let b = model.grains.len() + d;
-        let name = topic_part(&model.driven[d].name);
-        let header = Header::world(time);
-        let pose = PoseStamped { header: header.clone(), pose: state.pose(b).into() };
-        messages.push(TopicMessage::of(format!("/{name}/pose"), time, &pose)?);
-        let twist =
-            Twist { linear: state.velocity[b].into(), angular: state.angular_velocity[b].into() };
-        let twist = TwistStamped { header, twist };
-        messages.push(TopicMessage::of(format!("/{name}/twist"), time, &twist)?);
-    }
-    Ok(messages)
-}
-
-fn transform(model: &Model, state: &State, d: usize) -> TransformStamped {
-    let pose = state.pose(model.grains.len() + d);
-    TransformStamped {
-        header: Header { stamp: Time::from_ns(state.time_ns), frame_id: WORLD.into() },
-        child_frame_id: model.driven[d].name.clone(),
-        transform: Transform {
-            translation: pose.position.into(),
-            rotation: pose.orientation.into(),
-        },
-    }
-}
 
 /// Returns all messages of a window; the last one is its [`WindowRecord`].
 pub(crate) fn window_messages(
@@ -80,27 +18,8 @@ pub(crate) fn window_messages(
     request: &AdvanceRequest,
     reply: &AdvanceReply,
 ) -> Result<Vec<TopicMessage>, MessageError> {
-    let time = state.time_ns;
-    let mut messages = configuration(model, state)?;
-    for body in &reply.bodies {
-        let name = topic_part(&body.body);
-        let tool = model.driven_index(&body.body).map(|d| model.driven[d].role);
-        if tool != Some(Role::Boundary) {
-            let wrench = WrenchStamped { header: Header::world(time), wrench: body.mean };
-            messages.push(TopicMessage::of(format!("/{name}/wrench"), time, &wrench)?);
-        }
-        messages.push(TopicMessage::of(format!("/{name}/impulse"), time, body)?);
-    }
-    for zone in &reply.zones {
-        messages.push(TopicMessage::of(zone_topic(&zone.zone), time, zone)?);
-    }
-    for squeeze in &reply.squeezes {
-        let topic = format!("/ballast/squeeze/{}", topic_part(&squeeze.pair));
-        messages.push(TopicMessage::of(topic, time, squeeze)?);
-    }
-    messages.push(TopicMessage::of("/ballast/solver", time, &reply.solver)?);
-    messages.push(TopicMessage::of("/ballast/energy", time, &reply.energy)?);
-    messages.push(TopicMessage::of("/ballast/hash", time, &reply.hash)?);
-    messages.push(TopicMessage::of(STEP, time, &WindowRecord::of(request.clone(), reply)?)?);
+    let mut messages = topics::window_messages(model, state, reply)?;
+    let record = WindowRecord::of(request.clone(), reply)?;
+    messages.push(TopicMessage::of(STEP, state.time_ns, &record)?);
     Ok(messages)
 }

@@ -3,20 +3,19 @@
 use crate::error::{Error, Result};
 use crate::metadata::{RecordingMetadata, START_ATTACHMENT};
 use crate::recording;
-use crate::topic_message::TopicMessage;
+use crate::window;
 use crate::writer::McapWriter;
-use crate::{scene, window};
 use ballast::component;
 use ballast::math::Vec3;
 use ballast::model::{Model, Solver};
 use ballast::state::State;
 use ballast::track::plan::Plan;
-use ballast_protocol::MessageError;
 use ballast_protocol::lockstep::WindowKind;
 use ballast_protocol::messages::{
     AdvanceReply, AdvanceRequest, BodyMotion, Log, ReplyStatus, SolverParameters, StepSeries,
     core_ns,
 };
+use ballast_protocol::{MessageError, TopicMessage, topics, visualization};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -173,7 +172,7 @@ impl WindowRecorder {
             picture_ns: plan.run.output_ns,
             pictures: 0,
         };
-        recorder.write_all(window::start_messages(model, state))?;
+        recorder.write_all(topics::start_messages(model, state))?;
         if recorder.picture_ns > 0 {
             recorder.picture(model, state, &[])?;
         }
@@ -251,9 +250,7 @@ impl WindowRecorder {
         }
         let frame = |time_ns: i64| u64::try_from(time_ns).ok()?.checked_div(self.picture_ns);
         if frame(reply.t1_ns) > frame(reply.t0_ns) {
-            let forces: Vec<Vec3> =
-                reply.bodies.iter().map(|body| body.moving_average.force.into()).collect();
-            self.picture(&model, &state, &forces)?;
+            self.picture(&model, &state, &visualization::forces(&reply))?;
         }
         Ok(())
     }
@@ -273,9 +270,14 @@ impl WindowRecorder {
     }
 
     fn picture(&mut self, model: &Model, state: &State, forces: &[Vec3]) -> Result<()> {
-        let whole = self.pictures.is_multiple_of(POINTS_PER_SCENE);
+        let has_scene = self.pictures.is_multiple_of(POINTS_PER_SCENE);
         self.pictures += 1;
-        self.write_all(scene::pictures(model, state, forces, whole))
+        self.write_all(topics::stones_message(model, state).map(|entry| vec![entry]))?;
+        if has_scene {
+            let scene = topics::scene_message(model, state, forces, true);
+            self.write_all(scene.map(|entry| vec![entry]))?;
+        }
+        Ok(())
     }
 
     fn write_all(

@@ -5,8 +5,8 @@
 
 use crate::error::{Error, Result};
 use crate::metadata::{METADATA_NAME, RecordingMetadata};
-use crate::topic_message::TopicMessage;
-use crate::window::STATIC;
+use ballast_protocol::TopicMessage;
+use ballast_protocol::topics::STATIC;
 use mcap::Attachment;
 use mcap::records::{MessageHeader, Metadata};
 use mcap::write::NoSeek;

@@ -1,8 +1,8 @@
 //! Visualization of a state: points, polyhedra, and forces as arrows.
 
 use crate::messages::{
-    self, ArrowPrimitive, Color, Header, Point, PointCloud2, PointField, SceneEntity, SceneUpdate,
-    Time, TriangleListPrimitive, WORLD,
+    self, AdvanceReply, ArrowPrimitive, Color, Header, Point, PointCloud2, PointField, SceneEntity,
+    SceneUpdate, Time, TriangleListPrimitive, WORLD,
 };
 use ballast::geometry::Polyhedron;
 use ballast::math::{Pose, Quat, Vec3};
@@ -58,16 +58,28 @@ pub fn grain_cloud(model: &Model, state: &State) -> PointCloud2 {
     }
 }
 
+/// Returns the forces of the ballast on the driven bodies that scenes show: averages over 4 ms, N `[nd]`.
+pub fn forces(reply: &AdvanceReply) -> Vec<Vec3> {
+    reply.bodies.iter().map(|body| body.moving_average.force.into()).collect()
+}
+
 /// Returns polyhedra of all grains, tines and sleepers.
 ///
 /// `forces` of the ballast on the driven bodies, N `[nd]` or empty, become arrows at the bodies' reference points.
 pub fn scene(model: &Model, state: &State, forces: &[Vec3]) -> SceneUpdate {
-    let ng = model.grains.len();
     let mut grains = Mesh::default();
     for (i, shape) in model.grains.shape.iter().enumerate() {
         grains.add(&model.shapes[*shape as usize], &state.pose(i));
     }
-    let mut entities = vec![entity("grains", state.time_ns, grains, GRAIN)];
+    let mut scene = bodies(model, state, forces);
+    scene.entities.insert(0, entity("grains", state.time_ns, grains, GRAIN));
+    scene
+}
+
+/// Returns polyhedra of tines and sleepers with their `forces` as in [`scene`]; viewers keep the grains that they have.
+pub fn bodies(model: &Model, state: &State, forces: &[Vec3]) -> SceneUpdate {
+    let ng = model.grains.len();
+    let mut entities = Vec::new();
     for (d, body) in model.driven.iter().enumerate() {
         let color = match body.role {
             Role::Boundary => continue,

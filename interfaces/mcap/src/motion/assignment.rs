@@ -2,8 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::messages::ChannelInfo;
-use crate::topic_message::topic_part;
-use ballast_protocol::MessageError;
+use ballast_protocol::{MessageError, topic_part};
 use std::collections::BTreeSet;
 use std::path::Path;
 

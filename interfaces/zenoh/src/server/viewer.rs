@@ -57,11 +57,10 @@ impl ViewerStream {
         if self.shown.is_some_and(|at| at.elapsed() < self.interval) {
             return;
         }
-        let forces = reply.map_or(&[][..], |r| &r.bodies).iter();
         let frame = ViewerFrame {
             model: component.shared_model(),
             state: component.save(),
-            forces: forces.map(|b| b.moving_average.force.into()).collect(),
+            forces: reply.map_or_else(Vec::new, visualization::forces),
         };
         if self.frames.as_ref().is_some_and(|frames| frames.try_send(frame).is_ok()) {
             self.shown = Some(Instant::now());

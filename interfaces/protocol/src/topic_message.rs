@@ -1,7 +1,7 @@
-//! Message with its topic and time, ready to be written or compared.
+//! Message with its topic and time, ready to be written, sent or compared.
 
-use ballast_protocol::messages::{Message, schema};
-use ballast_protocol::{MessageError, to_cdr};
+use crate::messages::{Message, schema};
+use crate::{MessageError, to_cdr};
 
 /// Message with its topic and time.
 #[derive(Debug, Clone)]
@@ -15,7 +15,7 @@ pub struct TopicMessage {
     /// Content in CDR.
     pub bytes: Vec<u8>,
     /// Definition of the type.
-    pub(crate) schema: fn() -> String,
+    pub schema: fn() -> String,
 }
 
 impl TopicMessage {
@@ -34,6 +34,6 @@ impl TopicMessage {
 }
 
 /// Converts a name to a segment of a topic: letters, digits and `_`, as ROS 2 requires.
-pub(crate) fn topic_part(name: &str) -> String {
+pub fn topic_part(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect()
 }
