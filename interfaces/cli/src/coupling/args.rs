@@ -1,6 +1,7 @@
 //! The command line of the commands that use Zenoh.
 
 use crate::args::{BedCacheArgs, OverrideArgs, seconds};
+use ballast_foxglove::ViewerAddress;
 use ballast_zenoh::SessionConfig;
 use clap::Args;
 use std::num::NonZeroU32;
@@ -72,6 +73,9 @@ pub struct ServeArgs {
     /// Minimum wall time between two pictures in seconds
     #[arg(long, value_name = "S", default_value = "0.2", value_parser = seconds, requires = "viewer")]
     pub viewer_interval: Duration,
+    /// Show the run live in Foxglove viewers that connect to this address: HOST:PORT, or PORT on this computer
+    #[arg(long, value_name = "ADDRESS")]
+    pub foxglove: Option<ViewerAddress>,
     /// Prepare the bed only at the `init` request of a partner
     #[arg(long)]
     pub defer_init: bool,

@@ -9,6 +9,7 @@ use crate::nonfatal_errors::NonFatalErrors;
 use crate::{beds, case_run, interrupt};
 use ballast::component::Component;
 use ballast::track::{self, TampingCycle};
+use ballast_foxglove::LiveViewServer;
 use ballast_protocol::description::TineDescription;
 use ballast_protocol::lockstep::{ErrorCode, InitRequest, Lockstep, RequestError, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest};
@@ -38,6 +39,7 @@ pub struct ServedRun {
     pub checkpoint: PathBuf,
     pub every: Duration,
     pub recording: Option<ServedRecording>,
+    live_view: Option<LiveViewServer>,
     /// When the last checkpoint was written, or tried to be.
     written: Instant,
     /// Run, window and time of the checkpoint that lies on the disk, as far as this process has written it.
@@ -56,6 +58,7 @@ impl ServedRun {
         case: Case,
         checkpoint: PathBuf,
         recording: Option<ServedRecording>,
+        live_view: Option<LiveViewServer>,
         console: Console,
     ) -> Self {
         Self {
@@ -66,6 +69,7 @@ impl ServedRun {
             checkpoint,
             every: args.checkpoint_interval,
             recording,
+            live_view,
             written: Instant::now(),
             durable: None,
             // Nothing has been computed here yet.
@@ -98,6 +102,12 @@ impl ServedRun {
         (self.is_current, self.is_due) = (false, true);
     }
 
+    fn restart_live_view(&self, lockstep: &Lockstep) {
+        if let Some(live_view) = &self.live_view {
+            live_view.restart(lockstep.component());
+        }
+    }
+
     fn recorded(&mut self, act: impl FnOnce(&mut ServedRecording) -> Result) {
         let Some(recording) = &mut self.recording else { return };
         let result = act(recording);
@@ -128,6 +138,9 @@ impl ServerHooks for ServedRun {
         });
         let ready = json!({ "run_id": place.run_id, "seq": place.seq, "time_ns": place.now_ns });
         self.console.event("ready", ready);
+        if lockstep.is_configured() {
+            self.restart_live_view(lockstep);
+        }
     }
 
     fn write_checkpoint(&mut self, lockstep: &Lockstep) -> bool {
@@ -159,6 +172,10 @@ impl ServerHooks for ServedRun {
         reply: &AdvanceReply,
     ) -> bool {
         self.is_current = false;
+        if let Some(live_view) = &self.live_view {
+            // A discarded window has led to the state before it.
+            live_view.show(lockstep.component(), reply.status.is_kept().then_some(reply));
+        }
         // A redo leads elsewhere with the same number.
         self.is_due |= kind == WindowKind::Redo && self.holds(request);
         self.recorded(|recording| recording.window(lockstep, kind, request, reply));
@@ -177,6 +194,7 @@ impl ServerHooks for ServedRun {
 
     fn state_replaced(&mut self, lockstep: &Lockstep) {
         self.outdate();
+        self.restart_live_view(lockstep);
         let case = self.case.clone();
         self.recorded(|recording| recording.start_new_file(&case, lockstep));
     }

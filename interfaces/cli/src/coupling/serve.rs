@@ -8,6 +8,7 @@ use crate::case::{self, CaseOverrides};
 use crate::case_run;
 use crate::console::{self, Console};
 use crate::interrupt;
+use ballast_foxglove::{LiveViewServer, ViewerAddress};
 use ballast_protocol::lockstep::Lockstep;
 use ballast_session::run_files::RunFiles;
 use ballast_session::{Failure, Reporter, Result};
@@ -48,7 +49,10 @@ pub fn serve(args: ServeArgs, console: Console) -> Result {
     }
     let endpoints = server.endpoints();
     console.note(&format!("{}: {}", args.key, listening_text(endpoints)));
-    console.event("serving", json!({ "key": args.key, "endpoints": endpoints }));
+    let live_view = args.foxglove.as_ref().map(|at| start_live_view(at, &args.key, console));
+    let live_view = live_view.transpose()?;
+    let url = live_view.as_ref().map(LiveViewServer::url);
+    console.event("serving", json!({ "key": args.key, "endpoints": endpoints, "foxglove": url }));
     let waits = args.defer_init && !resumes;
     let mut lockstep = if waits {
         Lockstep::unconfigured(ballast_hdf5::state_hash).map_err(ballast_zenoh::Error::from)?
@@ -71,7 +75,7 @@ pub fn serve(args: ServeArgs, console: Console) -> Result {
     if recording.is_some() {
         case_run::warn_unless_repeatable(&case, console);
     }
-    let mut served_run = ServedRun::new(&args, case, checkpoint, recording, console);
+    let mut served_run = ServedRun::new(&args, case, checkpoint, recording, live_view, console);
     // A component that is killed before its first checkpoint resumes as the same run.
     if !resumes && served_run.write_checkpoint(&lockstep) {
         lockstep.note_durable();
@@ -83,6 +87,19 @@ pub fn serve(args: ServeArgs, console: Console) -> Result {
     }
     let ended = finish(&lockstep, &served_run, console);
     served_run.errors.first_error().map_or(ended, Err)
+}
+
+fn start_live_view(address: &ViewerAddress, key: &str, console: Console) -> Result<LiveViewServer> {
+    let live_view = LiveViewServer::start(address, key);
+    let live_view = live_view.map_err(|e| Failure::Transport(e.to_string()))?;
+    console.note(&format!("live view for Foxglove: {}", live_view.url()));
+    if !address.is_loopback() {
+        console.warning(
+            "--foxglove: other computers can watch the run, without password or encryption; to keep it private, use \
+             127.0.0.1 and a tunnel",
+        );
+    }
+    Ok(live_view)
 }
 
 fn listening_text(endpoints: &[String]) -> String {

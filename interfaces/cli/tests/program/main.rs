@@ -6,6 +6,8 @@ mod endings;
 mod fmu;
 mod keeping;
 #[cfg(feature = "zenoh")]
+mod live_view;
+#[cfg(feature = "zenoh")]
 mod one_hash;
 mod probes;
 mod recordings;
