@@ -24,7 +24,7 @@ class Instance:
             self.fmu.setFMUState(self.fmu.deserializeFMUState(state))
             return
         self.set(values or {})
-        if self.is_old:
+        if description.fmiVersion == "2.0":
             self.fmu.setupExperiment(startTime=0.0)
         self.fmu.enterInitializationMode()
         self.fmu.exitInitializationMode()
@@ -54,4 +54,4 @@ class Instance:
 
     def _type(self, name: str) -> str:
         kind = str(self.variables[name].type)
-        return kind if kind != "Enumeration" else "Integer" if self.is_old else "Int64"
+        return "Int64" if kind == "Enumeration" else kind

@@ -139,7 +139,7 @@ def test_a_container_wires_the_units(
 
 
 def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, master: Callable[..., Outcome]) -> None:
-    """libcosim is a parallel master for FMI 2; it ignores enumerations, so that inputs hold at the end of a step."""
+    """libcosim is a parallel master for FMI 2."""
     pytest.importorskip("libcosimpy")
     from libcosimpy.CosimEnums import CosimExecutionState
     from libcosimpy.CosimExecution import CosimExecution
@@ -155,6 +155,7 @@ def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, 
     values = CosimObserver.create_last_value()
     assert execution.add_observer(values)
     assert execution.integer_initial_value(bed, references["threads"], 1)
+    assert execution.integer_initial_value(bed, references["inputs_at"], 2)
     links = [(mass, 1, bed, references[POSITION]), (mass, 2, bed, references[VELOCITY]), (bed, references[FORCE], mass, 0)]
     for link in links:
         assert execution.connect_real_variables(*link) == 0
@@ -163,7 +164,7 @@ def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, 
         assert execution.step()
         rows.append(values.last_real_values(mass, [1]) + values.last_real_values(bed, [references[FORCE]]))
     # It passes the differences of its times.
-    expected, state_hash = master(2, "parallel", 1, lambda k: (k + 1) * STEP_NS / 1e9 - k * STEP_NS / 1e9)
+    expected, state_hash = master(2, "parallel", 2, lambda k: (k + 1) * STEP_NS / 1e9 - k * STEP_NS / 1e9)
     np.testing.assert_array_equal(np.array(rows), expected)
     assert values.last_string_values(bed, [references["state_hash"]]) == [state_hash.encode()]
     assert execution.status().state != CosimExecutionState.ERROR.value

@@ -2,7 +2,7 @@
 
 use crate::bed::UnitBed;
 use crate::logger::CATEGORIES;
-use crate::variables::{INPUT_TIMES, Variable, VariableUse};
+use crate::variables::{Variable, VariableUse};
 use quick_xml::Writer;
 use quick_xml::events::{BytesDecl, Event};
 use std::io;
@@ -11,8 +11,6 @@ use std::io;
 pub(crate) const MODEL_IDENTIFIER: &str = "ballast_fmu";
 /// Name of the program in descriptions.
 pub(crate) const TOOL: &str = concat!("Ballast ", env!("CARGO_PKG_VERSION"));
-/// Name of the type of `inputs_at`.
-pub(crate) const INPUT_TIME_TYPE: &str = "InputTime";
 
 /// Writer of a description.
 pub(crate) type XmlWriter = Writer<Vec<u8>>;
@@ -73,20 +71,6 @@ pub(crate) fn units(xml: &mut XmlWriter) -> io::Result<()> {
         }
         Ok(())
     })
-}
-
-/// Writes the values of the type of `inputs_at`.
-pub(crate) fn input_times(xml: &mut XmlWriter) -> io::Result<()> {
-    for (k, (name, description)) in INPUT_TIMES.iter().enumerate() {
-        let value = (k + 1).to_string();
-        let attributes = vec![
-            ("name", (*name).into()),
-            ("value", value),
-            ("description", (*description).into()),
-        ];
-        empty(xml, "Item", attributes)?;
-    }
-    Ok(())
 }
 
 /// Writes the categories of messages.

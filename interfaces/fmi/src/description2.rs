@@ -2,12 +2,11 @@
 
 use crate::bed::UnitBed;
 use crate::description::{
-    Attributes, BedPlace, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment,
-    document, element, empty, has_start, input_times, log_categories, start, summary, units, usage,
-    whole,
+    Attributes, BedPlace, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment, document, element,
+    empty, has_start, log_categories, start, summary, units, usage, whole,
 };
 use crate::variable_table::VariableTable;
-use crate::variables::{ValueType, Variable, VariableUse, scalar_reference};
+use crate::variables::{INPUT_TIMES, ValueType, Variable, VariableUse, scalar_reference};
 use std::io;
 
 /// Returns `modelDescription.xml`.
@@ -39,11 +38,6 @@ pub(crate) fn model_description(
         ];
         empty(xml, "CoSimulation", abilities)?;
         units(xml)?;
-        element(xml, "TypeDefinitions", vec![], |xml| {
-            element(xml, "SimpleType", vec![("name", INPUT_TIME_TYPE.into())], |xml| {
-                element(xml, "Enumeration", vec![], input_times)
-            })
-        })?;
         log_categories(xml)?;
         default_experiment(xml, bed)?;
         element(xml, "ModelVariables", vec![], |xml| {
@@ -72,9 +66,11 @@ fn scalar(xml: &mut XmlWriter, variable: &Variable, k: usize) -> io::Result<()> 
         let (name, text) = match variable.kind {
             ValueType::Real => ("Real", start(&[value])),
             ValueType::Integer => ("Integer", whole(value)),
+            // Importers without enumerations can set an integer; the calls are the same.
             ValueType::InputTime => {
-                of_type.push(("declaredType", INPUT_TIME_TYPE.into()));
-                ("Enumeration", whole(value))
+                of_type.push(("min", "1".into()));
+                of_type.push(("max", INPUT_TIMES.len().to_string()));
+                ("Integer", whole(value))
             }
             ValueType::Text => ("String", String::new()),
         };

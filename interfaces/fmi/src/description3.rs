@@ -2,14 +2,16 @@
 
 use crate::bed::UnitBed;
 use crate::description::{
-    Attributes, BedPlace, INPUT_TIME_TYPE, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment,
-    document, element, empty, has_start, input_times, log_categories, start, summary, units, usage,
-    whole,
+    Attributes, BedPlace, MODEL_IDENTIFIER, TOOL, XmlWriter, default_experiment, document, element,
+    empty, has_start, log_categories, start, summary, units, usage, whole,
 };
 use crate::variable_table::VariableTable;
-use crate::variables::{TIME, ValueType, Variable, VariableUse, scalar_reference};
+use crate::variables::{INPUT_TIMES, TIME, ValueType, Variable, VariableUse, scalar_reference};
 use std::collections::BTreeMap;
 use std::io;
+
+/// Name of the type of `inputs_at`.
+const INPUT_TIME_TYPE: &str = "InputTime";
 
 /// Returns `modelDescription.xml`.
 pub(crate) fn model_description(
@@ -160,4 +162,18 @@ pub(crate) fn terminals(table: &VariableTable) -> io::Result<Vec<u8>> {
             Ok(())
         })
     })
+}
+
+/// Writes the values of the type of `inputs_at`.
+fn input_times(xml: &mut XmlWriter) -> io::Result<()> {
+    for (k, (name, description)) in INPUT_TIMES.iter().enumerate() {
+        let value = (k + 1).to_string();
+        let attributes = vec![
+            ("name", (*name).into()),
+            ("value", value),
+            ("description", (*description).into()),
+        ];
+        empty(xml, "Item", attributes)?;
+    }
+    Ok(())
 }

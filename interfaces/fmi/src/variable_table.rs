@@ -104,7 +104,7 @@ impl VariableTable {
             "inputs_at",
             (Quantity::InputsAt, Fixed, InputTime),
             "",
-            "Time at which the inputs set before a step hold",
+            "Time at which the inputs set before a step hold: 1, end of the step, or 2, start of the step, extrapolated with the velocities",
             &[1.0],
         );
         self.add(
