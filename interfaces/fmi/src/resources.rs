@@ -8,6 +8,7 @@ use crate::logger::UnitLogger;
 use crate::served_bed::ServedBed;
 use crate::served_unit::{ServedUnit, UnitOutline};
 use crate::variable_table::VariableTable;
+use rayon::ThreadPoolBuilder;
 use std::path::Path;
 
 /// Resources of a unit.
@@ -41,7 +42,11 @@ impl UnitResources {
     ) -> Result<(UnitOutline, VariableTable, Box<dyn BedBackend>), Error> {
         match self {
             Self::Bed(bed) => {
-                let (outline, table) = (UnitOutline::of(&bed), VariableTable::new(&bed));
+                // Zones are measured in parallel; the threads of rayon's global pool would never end.
+                let pool = ThreadPoolBuilder::new().num_threads(1).build();
+                let pool = pool.map_err(|e| Error::Package(format!("threads: {e}")))?;
+                let (outline, table) =
+                    (UnitOutline::of(&bed), pool.install(|| VariableTable::new(&bed)));
                 Ok((outline, table, Box::new(LocalBed::new(bed)?)))
             }
             #[cfg(feature = "zenoh")]
