@@ -10,4 +10,5 @@ target/python/bin/pip install --quiet --disable-pip-version-check "./bindings/py
     cofmupy==1.0.0 fmpy==0.3.20
 # Tests compare results with those of the program.
 [ -x target/release/ballast ] || cargo build --release --locked --bin ballast
-target/python/bin/python -m pytest bindings/python "$@"
+# Files in parallel: most tests compute with one thread, and many wait for processes.
+target/python/bin/python -m pytest bindings/python --numprocesses auto --dist loadfile "$@"
