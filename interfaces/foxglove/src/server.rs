@@ -12,8 +12,8 @@ use std::thread::JoinHandle;
 
 /// Maximum number of queued messages for each viewer; beyond, the oldest are dropped.
 ///
-/// A window has some messages per body and zone. A viewer that reads none while this many windows are computed is
-/// disconnected.
+/// A window has some messages per body and zone. A viewer that has read none while as many windows were sent is
+/// disconnected when it reads again.
 const MAX_QUEUED_MESSAGES: usize = 256;
 
 /// Error at the start of a live view.
