@@ -125,7 +125,8 @@ impl RemoteState {
 
 /// Pickled state of a remote simulation: component, name there, run position, and the driven bodies with their commanded
 /// motion.
-type StateReference = (String, String, (String, u64, u64, String), Vec<(String, CommandedReference)>);
+type StateReference =
+    (String, String, (String, u64, u64, String), Vec<(String, CommandedReference)>);
 
 /// Position and orientation, and velocity and angular velocity.
 type CommandedReference = (([f64; 3], [f64; 4]), Option<([f64; 3], [f64; 3])>);

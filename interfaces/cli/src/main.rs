@@ -3,7 +3,6 @@
 //! Results go to standard output, messages and progress to standard error. [`Failure`] determines the exit code.
 
 mod args;
-mod body_overlap;
 mod case_run;
 mod checkpoint_timer;
 mod commands;

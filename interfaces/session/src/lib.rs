@@ -3,6 +3,7 @@
 //! Nothing here writes to a terminal: messages, events and progress go to a [`Reporter`].
 
 pub mod beds;
+pub mod body_overlap;
 pub mod case;
 pub mod case_stepper;
 pub mod driver;
