@@ -20,7 +20,7 @@ export CARGO_ZIGBUILD_CACHE_DIR=$build/zig ZIG_GLOBAL_CACHE_DIR=$build/zig ZIG_L
 rm -rf "$build/package" "$build/program" "$build/content" target/wheel
 for part in bindings/python:package interfaces/cli:program; do
     maturin build --manifest-path "${part%:*}/Cargo.toml" --out "$build/${part#*:}" --target-dir "$build" --profile wheel \
-        --locked --features ballast-hdf5/static --zig --compatibility "manylinux_${glibc/./_}" --auditwheel check
+        --locked --features ballast-hdf5/static --zig --compatibility "manylinux_${glibc/./_}" --auditwheel check --strip
 done
 
 wheel unpack --dest "$build/content" "$build"/package/*.whl

@@ -97,6 +97,10 @@ def test_only_the_c_library_is_linked(wheel: Installation) -> None:
         assert "libc.so.6" in names and set(names) <= SYSTEM, f"{binary.name}: {done.stdout}"
 
 
+def test_no_binary_has_debug_information(wheel: Installation) -> None:
+    assert [path.name for path in wheel.binaries if b".debug_info\0" in path.read_bytes()] == []
+
+
 def test_the_tag_names_the_oldest_c_library(wheel: Installation) -> None:
     tag = re.search(r"manylinux_2_(\d+)_", WHEELS[-1].name)
     assert tag
