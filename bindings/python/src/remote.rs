@@ -8,18 +8,15 @@ use crate::calls::CallState;
 use crate::errors::{self, Error, RemoteError};
 use crate::lock::lock;
 use crate::result::PyWindowResult;
-use crate::state::{CommandedMotion, PyState, RemoteState, StateStorage, StoredStates};
+use crate::state::{CommandedMotion, PyState, RemoteState, StateStorage};
 use crate::threads::{TaskControl, ThreadPoolHandle, run_controlled};
 use ballast::cancel::CancelToken;
-use ballast::component::Twist;
-use ballast::math::Pose;
 use ballast_protocol::MessageError;
-use ballast_protocol::description::BodyDescription;
 use ballast_protocol::lockstep::{ParameterUpdate, RequestKind, WindowKind};
 use ballast_protocol::messages::{AdvanceReply, AdvanceRequest, ReplyStatus, core_ns};
-use ballast_zenoh::{Client, ComponentDescription, SessionConfig, Timeouts};
+use ballast_protocol::motion_starts::{motion_starts, motion_starts_after};
+use ballast_zenoh::{Client, ComponentDescription, SessionConfig, StoredStates, Timeouts};
 use pyo3::prelude::*;
-use std::collections::BTreeSet;
 use std::sync::{Arc, Mutex, OnceLock};
 use std::time::Instant;
 
@@ -92,22 +89,12 @@ impl RemoteClient {
         }
     }
 
-    /// Releases stored states and detaches. A component that does not receive this notices the loss of its owner.
-    fn detach(&mut self, py: Python<'_>, states: &BTreeSet<String>) -> PyResult<()> {
+    /// Releases stored states and detaches.
+    fn detach(&mut self, py: Python<'_>, stored: &StoredStates) -> PyResult<()> {
         let is_of_this_process = self.process == std::process::id();
-        let Some(mut client) = self.client.take_if(|_| is_of_this_process) else { return Ok(()) };
+        let Some(client) = self.client.take_if(|_| is_of_this_process) else { return Ok(()) };
         let control = TaskControl::new(client.connection().cancel.clone());
-        // A computing component would not reply before the end of its window.
-        let is_idle = !client.has_pending();
-        let ((), raised) = run_controlled(py, &self.threads, &control, |_| {
-            let is_answered = |name: &String| match client.drop_state(name) {
-                Ok(_) => true,
-                Err(error) => error.request_error().is_some(),
-            };
-            if is_idle && states.iter().all(is_answered) {
-                let _ = client.detach();
-            }
-        })?;
+        let ((), raised) = run_controlled(py, &self.threads, &control, |_| stored.detach(client))?;
         raised.map_or(Ok(()), Err)
     }
 }
@@ -144,10 +131,8 @@ pub struct RemoteBackend {
     last_result: LastResult,
     /// The component has failed.
     has_failed: bool,
-    /// Number of states saved so far.
-    state_count: u64,
     /// States that the component stores for this simulation.
-    stored: Arc<Mutex<StoredStates>>,
+    stored: StoredStates,
 }
 
 /// A requested window without a received reply.
@@ -168,23 +153,17 @@ impl RemoteBackend {
     ) -> PyResult<(Self, ComponentDescription)> {
         let calls = Arc::<CallState>::default();
         let (client, description) = RemoteClient::attach(py, name, &link, calls.cancel.clone())?;
-        let commanded = |body: &BodyDescription| {
-            let orientation = body.orientation.try_into()?;
-            let pose = Pose { position: body.position.into(), orientation };
-            Ok((pose, body.twist.map(Into::into)))
-        };
-        let commanded: Result<_, MessageError> = description.bodies.iter().map(commanded).collect();
+        let commanded = motion_starts(&description).map_err(|e| bad_reply(py, "describe", &e))?;
         let backend = Self {
             client,
             names: description.bodies.iter().map(|b| b.name.clone()).collect(),
-            commanded: commanded.map_err(|e| bad_reply(py, "describe", &e))?,
+            commanded: commanded.into(),
             last_window: None,
             pending: None,
             calls,
             last_result: LastResult::default(),
             has_failed: false,
-            state_count: 0,
-            stored: Arc::default(),
+            stored: StoredStates::default(),
         };
         Ok((backend, description))
     }
@@ -283,41 +262,16 @@ impl RemoteBackend {
             (WindowKind::Redo, Some((_, before))) => Arc::clone(before),
             _ => Arc::clone(&self.commanded),
         };
-        let mut commanded = before.to_vec();
-        if reply.status != ReplyStatus::Discard {
-            let end = core_ns(reply.t1_ns);
-            for (name, commanded) in self.names.iter().zip(&mut commanded) {
-                let motion = inputs.motions.iter().find(|input| input.body == *name);
-                *commanded = match motion {
-                    Some(input) => (input.waveform.pose(end), input.waveform.twist(end)),
-                    None => (commanded.0, Some(Twist::default())),
-                };
+        self.commanded = match reply.status {
+            ReplyStatus::Discard => Arc::clone(&before),
+            _ => {
+                let end = core_ns(reply.t1_ns);
+                motion_starts_after(&before, &self.names, &inputs.motions, end).into()
             }
-        }
+        };
         let start = core_ns(request.t0_ns);
-        self.commanded = commanded.into();
         self.last_window = Some(([start, inputs.t1_ns], before));
         Ok(())
-    }
-
-    /// Releases states at the component that have no reference in this process any more.
-    fn release_states(&mut self, py: Python<'_>) -> PyResult<()> {
-        let mut names = std::mem::take(&mut lock(&self.stored).unreferenced);
-        let stored = &self.stored;
-        let result = self.client.request(py, |client| {
-            while let Some(name) = names.last() {
-                match client.drop_state(name) {
-                    // A restarted component has none of them and refuses.
-                    Err(error) if error.request_error().is_none() => return Err(error),
-                    _ => lock(stored).temporary.remove(name),
-                };
-                names.pop();
-            }
-            Ok(())
-        });
-        // The rest is released next time.
-        lock(&self.stored).unreferenced.append(&mut names);
-        result
     }
 }
 
@@ -340,18 +294,15 @@ impl Backend for RemoteBackend {
 
     fn save(&mut self, py: Python<'_>) -> PyResult<PyState> {
         self.settle(py)?;
-        self.release_states(py)?;
-        self.state_count += 1;
-        let name = format!("{}-{}", self.client.client().id(), self.state_count);
-        lock(&self.stored).temporary.insert(name.clone());
-        let place = self.client.request(py, |client| client.save(&name).cloned())?;
+        let stored = self.stored.clone();
+        let (name, place) = self.client.request(py, |client| stored.save(client))?;
         Ok(PyState(StateStorage::Remote(RemoteState {
             component: self.client.client().connection().keys().name().into(),
             place,
             name,
             bodies: Arc::clone(&self.names),
             commanded: Arc::clone(&self.commanded),
-            stored: Mutex::new(Some(Arc::clone(&self.stored))),
+            stored: Mutex::new(Some(stored)),
         })))
     }
 
@@ -369,7 +320,7 @@ impl Backend for RemoteBackend {
         };
         self.settle(py)?;
         let is_own = match &*lock(&state.stored) {
-            Some(stored) => Arc::ptr_eq(stored, &self.stored),
+            Some(stored) => stored.is_same(&self.stored),
             None => {
                 let connection = self.client.client().connection();
                 state.component == connection.keys().name()
@@ -389,7 +340,7 @@ impl Backend for RemoteBackend {
         if found != state.place.hash {
             return invalid(format!("the hash {}", state.place.hash), found);
         }
-        *lock(&state.stored) = Some(Arc::clone(&self.stored));
+        *lock(&state.stored) = Some(self.stored.clone());
         self.commanded = Arc::clone(&state.commanded);
         self.last_window = None;
         self.has_failed = false;
@@ -417,8 +368,7 @@ impl Backend for RemoteBackend {
     /// Detaches. The run stays where it is; the states that the component stores for this simulation are released, except
     /// pickled ones.
     fn close(mut self: Box<Self>, py: Python<'_>) -> PyResult<()> {
-        let names = std::mem::take(&mut lock(&self.stored).temporary);
-        self.client.detach(py, &names)
+        self.client.detach(py, &self.stored)
     }
 }
 

@@ -14,10 +14,10 @@ use ballast_protocol::MessageError;
 use ballast_protocol::lockstep::RunPosition;
 use ballast_protocol::messages::Quaternion;
 use ballast_scenario::CaseOverrides;
+use ballast_zenoh::StoredStates;
 use pyo3::IntoPyObjectExt;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
@@ -61,22 +61,13 @@ pub struct RemoteState {
     pub bodies: Arc<[String]>,
     pub commanded: CommandedMotion,
     /// Stored states of the simulation that saved or restored this one; `None` after unpickling.
-    pub stored: Mutex<Option<Arc<Mutex<StoredStates>>>>,
-}
-
-/// States that a component stores for a remote simulation, by name.
-#[derive(Default)]
-pub struct StoredStates {
-    /// States that are released when the simulation is closed.
-    pub temporary: BTreeSet<String>,
-    /// States without a reference in this process, which the component may release.
-    pub unreferenced: Vec<String>,
+    pub stored: Mutex<Option<StoredStates>>,
 }
 
 impl Drop for RemoteState {
     fn drop(&mut self) {
         if let Some(stored) = lock(&self.stored).take() {
-            lock(&stored).unreferenced.push(std::mem::take(&mut self.name));
+            stored.release(std::mem::take(&mut self.name));
         }
     }
 }
@@ -85,7 +76,7 @@ impl RemoteState {
     /// Returns what another process needs to restore the state, which the component keeps from now on.
     fn to_reference(&self) -> StateReference {
         if let Some(stored) = &*lock(&self.stored) {
-            lock(stored).temporary.remove(&self.name);
+            stored.keep(&self.name);
         }
         let RunPosition { run_id, seq, now_ns, hash } = self.place.clone();
         let body = |(name, (pose, twist)): (&String, &(Pose, Option<Twist>))| {

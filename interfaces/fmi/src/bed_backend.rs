@@ -5,9 +5,9 @@ use ballast::component::{Parameters, Twist, WindowInputs, WindowResult};
 use ballast::math::Pose;
 use ballast::model::Model;
 use ballast::state::State;
-use std::sync::Arc;
 #[cfg(feature = "zenoh")]
-use std::sync::{Mutex, PoisonError};
+use ballast_zenoh::StoredStates;
+use std::sync::Arc;
 
 /// Treatment of a step that ends before its time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -47,15 +47,14 @@ pub struct ServedState {
     pub(crate) starts: Vec<MotionStart>,
     /// Parameters in force, if this instance has set any.
     pub(crate) parameters: Option<Parameters>,
-    /// Names of dropped states, which the instance deletes at the server.
-    pub(crate) dropped: Arc<Mutex<Vec<String>>>,
+    /// States of the instance that saved this one.
+    pub(crate) stored: StoredStates,
 }
 
 #[cfg(feature = "zenoh")]
 impl Drop for ServedState {
     fn drop(&mut self) {
-        let name = std::mem::take(&mut self.name);
-        self.dropped.lock().unwrap_or_else(PoisonError::into_inner).push(name);
+        self.stored.release(std::mem::take(&mut self.name));
     }
 }
 

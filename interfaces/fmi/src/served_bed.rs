@@ -10,18 +10,13 @@ use crate::library_pin::pin_library;
 use crate::logger::UnitLogger;
 use crate::served_unit::{COMPONENT_VARIABLE, CONNECT_VARIABLE, ServedUnit};
 use crate::status::{Complaint, Status};
-use ballast::component::{Parameters, Twist, WindowInputs, WindowStatus};
-use ballast::math::Pose;
+use ballast::component::{Parameters, WindowInputs, WindowStatus};
 use ballast::model::Model;
-use ballast_protocol::MessageError;
-use ballast_protocol::description::{BodyDescription, ComponentDescription};
 use ballast_protocol::lockstep::{ErrorCode, ParameterUpdate, RunPosition, WindowKind};
-use ballast_protocol::messages::{
-    AdvanceReply, AdvanceRequest, ReplyStatus, SolverParameters, core_ns,
-};
-use ballast_zenoh::{Client, SessionConfig, Timeouts};
-use std::collections::BTreeSet;
-use std::sync::{Arc, Mutex, PoisonError};
+use ballast_protocol::messages::{AdvanceRequest, ReplyStatus, SolverParameters, core_ns};
+use ballast_protocol::motion_starts::{motion_starts, motion_starts_after};
+use ballast_zenoh::{Client, SessionConfig, StoredStates, Timeouts};
+use std::sync::Arc;
 
 /// Name of the client, which other clients see.
 const CLIENT_NAME: &str = "fmu";
@@ -41,10 +36,8 @@ pub(crate) struct ServedBed {
     parameters: Option<Parameters>,
     /// Step without a reply.
     pending: Option<Arc<AdvanceRequest>>,
-    /// Number of states saved so far, states at the server, and those to delete there.
-    state_count: u64,
-    stored: BTreeSet<String>,
-    dropped: Arc<Mutex<Vec<String>>>,
+    /// States at the server.
+    stored: StoredStates,
 }
 
 impl ServedBed {
@@ -68,9 +61,7 @@ impl ServedBed {
                 starts,
                 parameters: None,
                 pending: None,
-                state_count: 0,
-                stored: BTreeSet::new(),
-                dropped: Arc::default(),
+                stored: StoredStates::default(),
             }),
             Err(text) => {
                 // Other clients need not wait for the loss of this one.
@@ -109,36 +100,6 @@ impl ServedBed {
                  it, restore a saved state or reset",
                 core_ns(pending.t1_ns) as f64 * 1e-9
             ))),
-        }
-    }
-
-    /// Deletes states at the server that were dropped here.
-    fn delete_dropped(&mut self) -> Result<(), ballast_zenoh::Error> {
-        let dropped = Arc::clone(&self.dropped);
-        let names = std::mem::take(&mut *dropped.lock().unwrap_or_else(PoisonError::into_inner));
-        for (k, name) in names.iter().enumerate() {
-            match self.client_mut().drop_state(name) {
-                // A component that was started again has none of them and refuses.
-                Err(error) if error.request_error().is_none() => {
-                    let mut rest = dropped.lock().unwrap_or_else(PoisonError::into_inner);
-                    rest.extend_from_slice(&names[k..]);
-                    return Err(error);
-                }
-                _ => self.stored.remove(name),
-            };
-        }
-        Ok(())
-    }
-
-    /// Follows the effect of a window on the motions of the bodies.
-    fn follow(&mut self, inputs: &WindowInputs, reply: &AdvanceReply) {
-        let end_ns = core_ns(reply.t1_ns);
-        for (name, start) in self.bodies.iter().zip(&mut self.starts) {
-            let motion = inputs.motions.iter().find(|input| input.body == *name);
-            *start = match motion {
-                Some(input) => (input.waveform.pose(end_ns), input.waveform.twist(end_ns)),
-                None => (start.0, Some(Twist::default())),
-            };
         }
     }
 }
@@ -214,7 +175,8 @@ impl BedBackend for ServedBed {
             return Err(unusable(format!("expected {expected} bodies, found {found}")));
         }
         if result.status != WindowStatus::Discard {
-            self.follow(inputs, &reply);
+            let end_ns = core_ns(reply.t1_ns);
+            self.starts = motion_starts_after(&self.starts, &self.bodies, &inputs.motions, end_ns);
         }
         if (result.status, partial) == (WindowStatus::Early, PartialStep::RollBack) {
             let expected = "a component that discards windows that fail, as `ballast serve` does";
@@ -225,22 +187,19 @@ impl BedBackend for ServedBed {
 
     fn save(&mut self) -> Result<BedState, Complaint> {
         self.expect_no_pending()?;
-        self.delete_dropped().map_err(|e| failed(&e))?;
-        self.state_count += 1;
-        let name = format!("{}-{}", self.client().id(), self.state_count);
-        self.client_mut().save(&name).map_err(|e| failed(&e))?;
-        self.stored.insert(name.clone());
+        let stored = self.stored.clone();
+        let (name, _) = stored.save(self.client_mut()).map_err(|e| failed(&e))?;
         Ok(BedState::Served(Arc::new(ServedState {
             name,
             starts: self.starts.clone(),
             parameters: self.parameters,
-            dropped: Arc::clone(&self.dropped),
+            stored,
         })))
     }
 
     fn restore(&mut self, state: &BedState, _has_failed: bool) -> Result<(), Complaint> {
         let state = match state {
-            BedState::Served(state) if Arc::ptr_eq(&state.dropped, &self.dropped) => state,
+            BedState::Served(state) if state.stored.is_same(&self.stored) => state,
             _ => {
                 let text = "state: expected one that this instance has saved, found another";
                 return Err(Complaint::error(text));
@@ -267,17 +226,10 @@ impl BedBackend for ServedBed {
 }
 
 impl Drop for ServedBed {
-    /// Deletes the saved states and detaches. A component that does not receive this notices the loss of its owner.
+    /// Deletes the saved states and detaches.
     fn drop(&mut self) {
-        let Some(mut client) = self.client.take() else { return };
-        // A computing component would not reply before the end of its window.
-        let is_idle = !client.has_pending();
-        let is_answered = |name: &String| match client.drop_state(name) {
-            Ok(_) => true,
-            Err(error) => error.request_error().is_some(),
-        };
-        if is_idle && self.stored.iter().all(is_answered) {
-            let _ = client.detach();
+        if let Some(client) = self.client.take() {
+            self.stored.detach(client);
         }
     }
 }
@@ -292,16 +244,6 @@ fn session_config(unit: &ServedUnit) -> SessionConfig {
         ..SessionConfig::default()
     }
     .or_connect_to_default()
-}
-
-/// Returns the pose and twist with which the next motion of each body begins.
-fn motion_starts(description: &ComponentDescription) -> Result<Vec<MotionStart>, MessageError> {
-    let start = |body: &BodyDescription| {
-        let orientation = body.orientation.try_into()?;
-        let pose = Pose { position: body.position.into(), orientation };
-        Ok((pose, body.twist.map(Into::into)))
-    };
-    description.bodies.iter().map(start).collect()
 }
 
 /// Checks that a component has the case of the unit, and resets a run that has left its start; returns the motion starts.

@@ -3,7 +3,7 @@
 //! [`lockstep`]: ownership, the sequence of windows, and repeated replies.
 //! [`messages`]: message types, their ROS 2 definitions, and conversions from and to the core.
 //! [`cdr`] and [`json`]: encodings. [`description`]: static description of a component.
-//! [`pacer`] and [`real_time`]: real-time mode. [`topics`]: messages of recordings and live views.
+//! [`motion_starts`]: where the next motions begin. [`pacer`] and [`real_time`]: real-time mode. [`topics`]: messages of recordings and live views.
 //! [`visualization`]: states for viewers.
 //! [`schema`]: JSON Schema of requests and replies. The crate does no I/O.
 
@@ -12,6 +12,7 @@ pub mod description;
 pub mod json;
 pub mod lockstep;
 pub mod messages;
+pub mod motion_starts;
 pub mod pacer;
 pub mod real_time;
 pub mod schema;

@@ -12,7 +12,7 @@ pub mod session;
 mod wire;
 
 pub use ballast_protocol::description::ComponentDescription;
-pub use client::{Client, Connection, Timeouts};
+pub use client::{Client, Connection, StoredStates, Timeouts};
 pub use error::Error;
 pub use keys::Keys;
 pub use server::{Server, ServerHooks};

@@ -12,8 +12,10 @@ mod liveness;
 mod pending;
 mod recovery;
 mod send_thread;
+mod stored_states;
 
 pub use connection::{Connection, Timeouts};
+pub use stored_states::StoredStates;
 
 use crate::wire::cdr;
 use crate::{Error, SessionConfig, random};
