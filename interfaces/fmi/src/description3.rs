@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::io;
 
 /// Name of the type of `inputs_at`.
-const INPUT_TIME_TYPE: &str = "InputTime";
+const INPUT_TIME_TYPE_NAME: &str = "InputTime";
 
 /// Returns `modelDescription.xml`.
 pub(crate) fn model_description(
@@ -43,7 +43,12 @@ pub(crate) fn model_description(
         empty(xml, "CoSimulation", abilities)?;
         units(xml)?;
         element(xml, "TypeDefinitions", vec![], |xml| {
-            element(xml, "EnumerationType", vec![("name", INPUT_TIME_TYPE.into())], input_times)
+            element(
+                xml,
+                "EnumerationType",
+                vec![("name", INPUT_TIME_TYPE_NAME.into())],
+                input_times,
+            )
         })?;
         log_categories(xml)?;
         default_experiment(xml, bed)?;
@@ -119,7 +124,7 @@ fn variable_attributes<'a>(
         ValueType::Real => ("Float64", start(values)),
         ValueType::Integer => ("Int32", whole(values[0])),
         ValueType::InputTime => {
-            attributes.push(("declaredType", INPUT_TIME_TYPE.into()));
+            attributes.push(("declaredType", INPUT_TIME_TYPE_NAME.into()));
             ("Enumeration", whole(values[0]))
         }
         ValueType::Text => ("String", String::new()),

@@ -48,7 +48,8 @@ impl FmiVersion {
 /// # Errors
 /// A description or an archive that cannot be written.
 pub fn unit_bytes(bed: &UnitBed, library: &[u8], version: FmiVersion) -> Result<Vec<u8>, Error> {
-    archive(bed, BedPlace::Unit, (BED_FILE, bed.to_bytes()), library, version)
+    let table = VariableTable::new(bed);
+    archive(bed, &table, BedPlace::Unit, (BED_FILE, bed.to_bytes()), library, version)
 }
 
 /// Returns the bytes of a unit whose bed a component serves; equal content gives equal bytes.
@@ -62,22 +63,24 @@ pub fn served_unit_bytes(
     version: FmiVersion,
 ) -> Result<Vec<u8>, Error> {
     let place = BedPlace::Server(&served.component);
-    archive(bed, place, (SERVED_FILE, served.to_bytes()?), library, version)
+    let table = VariableTable::from_variables(served.variables.clone());
+    archive(bed, &table, place, (SERVED_FILE, served.to_bytes()?), library, version)
 }
 
 /// Writes an archive with a resource that the library reads.
 fn archive(
     bed: &UnitBed,
+    table: &VariableTable,
     place: BedPlace,
     (resource, bytes): (&str, Vec<u8>),
     library: &[u8],
     version: FmiVersion,
 ) -> Result<Vec<u8>, Error> {
-    let (token, table) = (instantiation_token(&bytes), VariableTable::new(bed));
+    let token = instantiation_token(&bytes);
     let failed = |e: &dyn std::fmt::Display| Error::Package(e.to_string());
     let description = match version {
-        FmiVersion::Two => description2::model_description(bed, &table, &token, place),
-        FmiVersion::Three => description3::model_description(bed, &table, &token, place),
+        FmiVersion::Two => description2::model_description(bed, table, &token, place),
+        FmiVersion::Three => description3::model_description(bed, table, &token, place),
     };
     let mut files = vec![
         ("modelDescription.xml".to_string(), description.map_err(|e| failed(&e))?, 0o644),
@@ -87,7 +90,7 @@ fn archive(
         ("resources/case.toml".into(), bed.case_text.clone().into_bytes(), 0o644),
     ];
     if version == FmiVersion::Three {
-        let terminals = description3::terminals(&table).map_err(|e| failed(&e))?;
+        let terminals = description3::terminals(table).map_err(|e| failed(&e))?;
         files.push(("terminalsAndIcons/terminalsAndIcons.xml".into(), terminals, 0o644));
     }
     let mut archive = ZipWriter::new(Cursor::new(Vec::new()));

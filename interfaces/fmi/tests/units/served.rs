@@ -30,9 +30,9 @@ struct TestServer {
     thread: Option<JoinHandle<Lockstep>>,
 }
 
-struct StopHook(Arc<AtomicBool>);
+struct StopFlagHooks(Arc<AtomicBool>);
 
-impl ServerHooks for StopHook {
+impl ServerHooks for StopFlagHooks {
     fn is_stopped(&self) -> bool {
         self.0.load(Ordering::SeqCst)
     }
@@ -51,7 +51,7 @@ impl TestServer {
         let component = component.with_zones(bed.zones.clone());
         let lockstep = Lockstep::new(component, run_id, ballast_columns::state_hash);
         let stop = Arc::<AtomicBool>::default();
-        let mut hooks = StopHook(Arc::clone(&stop));
+        let mut hooks = StopFlagHooks(Arc::clone(&stop));
         let endpoint = server.endpoints()[0].clone();
         let thread = std::thread::spawn(move || server.run(lockstep, &mut hooks).unwrap());
         Self { endpoint, stop, thread: Some(thread) }
