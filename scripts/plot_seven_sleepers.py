@@ -12,18 +12,18 @@ import matplotlib.pyplot as plt
 import numpy as np
 from ballast import tables
 
-PHASES = {"lift": 0.2, "insertion": 0.65, "squeeze": 1.45, "hold": 1.55, "withdrawal": 1.764}
 PERIOD = 36  # steps of a vibration period
 
 
 def main(run, picture):
     steps, zones = (tables.to_pandas(run, name) for name in ("steps", "zones"))
+    begins = steps.index[steps["phase"] != steps["phase"].shift()]
     figure, axes = plt.subplots(3, 2, figsize=(13, 11), layout="constrained")
     under, cribs, coordination, penetration, tines, sleepers = axes.flat
     for k in range(1, 8):
         style = {"lw": 2.5, "color": "k"} if k == 4 else {"lw": 1.2, "color": f"C{k}"}
         under.plot(zones[f"under/sleeper_{k}"], label=f"sleeper {k}", **style)
-        sleepers.plot(force(steps, f"sleeper_{k}"), label=f"sleeper {k}", **style)
+        sleepers.plot(period_mean_force(steps, f"sleeper_{k}"), label=f"sleeper {k}", **style)
         name = f"{k} and {k + 1}" if k < 7 else "7 and wall"
         cribs.plot(zones[f"crib_plus_x/sleeper_{k}"], label=name, lw=2 if k in (3, 4) else 1)
     cribs.plot(zones["crib_minus_x/sleeper_1"], "--", label="wall and 1")
@@ -32,7 +32,7 @@ def main(run, picture):
     for name in ("max_penetration", "mean_penetration"):
         penetration.semilogy(1e3 * steps[name], label=name.split("_")[0], lw=0.7)
     for name in sorted(name.removesuffix("_force_x") for name in steps if name.startswith("tine_") and name.endswith("_force_x")):
-        tines.plot(force(steps, name), label=name)
+        tines.plot(period_mean_force(steps, name), label=name)
     for ax, title, unit in (
         (under, "compactness under the sleepers", ""), (cribs, "compactness of the cribs", ""),
         (coordination, "touching neighbours of a stone, whole bed", ""), (penetration, "penetration", "mm"),
@@ -41,14 +41,14 @@ def main(run, picture):
     ):  # fmt: skip
         ax.set(title=title, xlabel="time, s", ylabel=unit)
         ax.grid(alpha=0.3)
-        for end in PHASES.values():
-            ax.axvline(end, color="grey", lw=0.5)
+        for begin in begins:
+            ax.axvline(begin, color="grey", lw=0.5)
         if ax is not coordination:
             ax.legend(fontsize="x-small", ncols=2)
     figure.savefig(picture, dpi=90)
 
 
-def force(steps, name):
+def period_mean_force(steps, name):
     """Returns the magnitude of the mean force over a period, kN."""
     mean = [steps[f"{name}_force_{axis}"].rolling(PERIOD, center=True, min_periods=1).mean() for axis in "xyz"]
     return 1e-3 * np.sqrt(sum(part**2 for part in mean))

@@ -73,9 +73,7 @@ def main():
                 print(f"{sim.now_ns * 1e-9:.3f} s  {unit.phase}  {window.iterations} iterations", flush=True)
         run["support"].append(support(sim, unit, args))
         figures = summary(run, unit, sim)
-    (args.out / "figures.json").write_text(json.dumps(figures, indent=1))
-    lines = list(table(figures))
-    (args.out / "table.md").write_text("\n".join(lines) + "\n")
+    lines = write_figures(figures, args.out)
     draw(run, unit, args.out / "machine.png")
     write_report(lines, args.out / "machine.png", args.out / "report.html")
     print("\n".join(lines), f"\n{args.out / 'report.html'}")
@@ -227,6 +225,14 @@ def summary(run, unit, sim):
         "balance_error": drives - energies["stored"] - lost - received,
         "interface_error": sum(abs(w["given"] - w["received"]) for w in windows),
     }  # fmt: skip
+
+
+def write_figures(figures, folder):
+    """Writes figures and their table; returns the lines of the table."""
+    (folder / "figures.json").write_text(json.dumps(figures, indent=1))
+    lines = list(table(figures))
+    (folder / "table.md").write_text("\n".join(lines) + "\n")
+    return lines
 
 
 def table(f):

@@ -9,7 +9,6 @@ give the bytes of `tamp.py --window 1`. In longer windows the tamping unit feels
 co-simulation unit are means over the communication step. Needs FMPy (`pip install fmpy`).
 """
 
-import json
 import tempfile
 import weakref
 from dataclasses import dataclass
@@ -208,10 +207,7 @@ def main():
                 print(f"{sim.now_ns * 1e-9:.3f} s  {unit.phase}  {window.iterations} iterations", flush=True)
         run["support"].append({})
         figures = tamp.summary(run, unit, sim)
-    (args.out / "figures.json").write_text(json.dumps(figures, indent=1))
-    lines = list(tamp.table(figures))
-    (args.out / "table.md").write_text("\n".join(lines) + "\n")
-    print("\n".join(lines))
+    print("\n".join(tamp.write_figures(figures, args.out)))
 
 
 if __name__ == "__main__":

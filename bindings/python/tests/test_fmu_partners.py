@@ -47,7 +47,7 @@ def spring(machine_units: dict[int, Path], tmp_path_factory: pytest.TempPathFact
 
 
 @pytest.fixture(scope="module")
-def master(machine_units: dict[int, Path], spring: Path) -> Callable[..., Outcome]:
+def run_master(machine_units: dict[int, Path], spring: Path) -> Callable[..., Outcome]:
     """Master in FMPy: version of FMI, "parallel" or "sequential", time at which inputs hold, length of each step."""
 
     @cache
@@ -79,7 +79,7 @@ def motions(state: ballast.State, position: float, velocity: float) -> dict[str,
 
 
 def test_both_versions_follow_a_spring_mass_unit(
-    machine_units: dict[int, Path], spring: Path, machine_case: ballast.Case, beds: Path, master: Callable[..., Outcome]
+    machine_units: dict[int, Path], spring: Path, machine_case: ballast.Case, beds: Path, run_master: Callable[..., Outcome]
 ) -> None:
     """The package, coupled to the same mass, has the state of the units."""
     assert validate_fmu(spring) == []
@@ -94,7 +94,7 @@ def test_both_versions_follow_a_spring_mass_unit(
             forces.append(force)
         expected = sim.save().hash
     for version in machine_units:
-        found, state_hash = master(version, "sequential", 1)
+        found, state_hash = run_master(version, "sequential", 1)
         assert state_hash == expected
         np.testing.assert_array_equal(found[:, 1], forces)
 
@@ -117,7 +117,7 @@ def test_the_manipulation_toolbox_finds_units_compliant(units: dict[int, Path], 
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_container_wires_the_units(
-    machine_units: dict[int, Path], spring: Path, version: int, tmp_path: Path, master: Callable[..., Outcome]
+    machine_units: dict[int, Path], spring: Path, version: int, tmp_path: Path, run_master: Callable[..., Outcome]
 ) -> None:
     """The container of the manipulation toolbox is a parallel master."""
     pytest.importorskip("fmu_manipulation_toolbox")
@@ -134,11 +134,11 @@ def test_a_container_wires_the_units(
     done = fmpy.simulate_fmu(
         tmp_path / "press.fmu", stop_time=STEP * STEPS, output_interval=STEP, output=["position", "force"]
     )
-    expected, _ = master(version, "parallel", 2)
+    expected, _ = run_master(version, "parallel", 2)
     np.testing.assert_array_equal(np.stack([done["position"], done["force"]], axis=1)[1:], expected)
 
 
-def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, master: Callable[..., Outcome]) -> None:
+def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, run_master: Callable[..., Outcome]) -> None:
     """libcosim is a parallel master for FMI 2."""
     pytest.importorskip("libcosimpy")
     from libcosimpy.CosimEnums import CosimExecutionState
@@ -164,7 +164,7 @@ def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, 
         assert execution.step()
         rows.append(values.last_real_values(mass, [1]) + values.last_real_values(bed, [references[FORCE]]))
     # It passes the differences of its times.
-    expected, state_hash = master(2, "parallel", 2, lambda k: (k + 1) * STEP_NS / 1e9 - k * STEP_NS / 1e9)
+    expected, state_hash = run_master(2, "parallel", 2, lambda k: (k + 1) * STEP_NS / 1e9 - k * STEP_NS / 1e9)
     np.testing.assert_array_equal(np.array(rows), expected)
     assert values.last_string_values(bed, [references["state_hash"]]) == [state_hash.encode()]
     assert execution.status().state != CosimExecutionState.ERROR.value
@@ -172,7 +172,7 @@ def test_libcosim_steps_the_units(machine_units: dict[int, Path], spring: Path, 
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_master_with_rollback_matches_redo(
-    machine_units: dict[int, Path], spring: Path, machine_case: ballast.Case, beds: Path, master: Callable[..., Outcome],
+    machine_units: dict[int, Path], spring: Path, machine_case: ballast.Case, beds: Path, run_master: Callable[..., Outcome],
     version: int, tmp_path: Path,
 ) -> None:  # fmt: skip
     """CoFmuPy repeats each step from a saved state until mass and ballast agree, ten times at most."""
@@ -189,7 +189,7 @@ def test_a_master_with_rollback_matches_redo(
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
     assert 2 < max(found["counts"]) < 10, "no step was repeated, or one has not converged"
-    assert found["hash"] != master(version, "sequential", 1)[1]
+    assert found["hash"] != run_master(version, "sequential", 1)[1]
     with ballast.open(machine_case, bed_cache=beds, threads=1, progress=False) as sim, Instance(spring) as mass:
         for k, (position, velocity) in enumerate(zip(found["position"], found["velocity"], strict=True)):
             state = sim.save()

@@ -46,7 +46,7 @@ def served_units(beds: Path, server: Served, tmp_path_factory: pytest.TempPathFa
     return {version: folder / f"tiny_fmi{version}.fmu" for version in VERSIONS}
 
 
-def lower(instance: Instance, step: int) -> str:
+def lower_tine(instance: Instance, step: int) -> str:
     """Lowers a tine in a step and returns the hash of the state."""
     height = f"{TINE}.position[3]"
     instance.set({height: instance.start(height) - 0.2 * STEP * (step + 1), f"{TINE}.velocity[3]": -0.2})
@@ -71,7 +71,7 @@ def test_units_with_and_without_a_server_can_be_swapped(
     hashes = []
     for all_units in (units, served_units):
         with Instance(all_units[version]) as instance:
-            hashes.append([lower(instance, step) for step in range(4)])
+            hashes.append([lower_tine(instance, step) for step in range(4)])
     assert hashes[0] == hashes[1]
 
 
@@ -98,7 +98,7 @@ def test_a_server_killed_in_a_step_leaves_a_status_and_the_step_is_repeated(
     monkeypatch.setenv("BALLAST_FMU_CONNECT", served.endpoint)
     try:
         with Instance(served_units[2]) as instance, ThreadPoolExecutor() as threads:
-            before = lower(instance, 0)
+            before = lower_tine(instance, 0)
             step = threads.submit(instance.fmu.doStep, STEP, length)
             time.sleep(0.05)
             served.process.send_signal(signal.SIGSTOP)
@@ -116,7 +116,7 @@ def test_a_server_killed_in_a_step_leaves_a_status_and_the_step_is_repeated(
             instance.fmu.doStep(STEP, length)
             after = instance.get("state_hash")
         with Instance(units[2]) as instance:
-            lower(instance, 0)
+            lower_tine(instance, 0)
             instance.fmu.doStep(STEP, length)
             assert instance.get("state_hash") == after
     finally:
