@@ -15,6 +15,7 @@ import threading
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 import ballast
 import numpy as np
@@ -52,8 +53,12 @@ class Served:
             [*self.command, *more], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pipesize=4096
         )
         assert self.process.stdout and self.process.stderr
+        #: Events until it is ready, by name.
+        self.events: dict[str, Any] = {}
         for line in self.process.stdout:
-            if json.loads(line)["event"] == "ready":
+            event = json.loads(line)
+            self.events[event["event"]] = event
+            if event["event"] == "ready":
                 return
         raise AssertionError(self.process.stderr.read())
 

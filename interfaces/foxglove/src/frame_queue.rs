@@ -140,7 +140,7 @@ impl ServerListener for FrameQueue {
 mod tests {
     use super::*;
 
-    fn frame(time_ns: u64) -> LiveFrame {
+    fn frame_at(time_ns: u64) -> LiveFrame {
         let state = State { time_ns, ..State::default() };
         let model = ballast_protocol::lockstep::empty_model();
         LiveFrame { model: Arc::new(model), state: Arc::new(state), reply: None }
@@ -158,16 +158,16 @@ mod tests {
     #[test]
     fn the_newest_frames_are_sent_and_only_the_last_without_a_viewer() {
         let queue = FrameQueue::default();
-        (0..10).for_each(|time_ns| queue.push(frame(time_ns)));
+        (0..10).for_each(|time_ns| queue.push(frame_at(time_ns)));
         assert_eq!(times(&queue), [9]);
         queue.on_client_connect();
-        (0..10).for_each(|time_ns| queue.push(frame(time_ns)));
+        (0..10).for_each(|time_ns| queue.push(frame_at(time_ns)));
         assert!(matches!(queue.next(None), QueueEvent::Subscription));
         assert_eq!(times(&queue), [6, 7, 8, 9]);
         // Results of a run that was replaced are not shown after its replacement.
-        queue.push(frame(10));
+        queue.push(frame_at(10));
         queue.restart();
-        queue.push(frame(0));
+        queue.push(frame_at(0));
         assert!(matches!(queue.next(None), QueueEvent::Restart));
         assert_eq!(times(&queue), [0]);
         queue.on_client_disconnect();

@@ -14,9 +14,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Minimum wall time between two windows, which limits the work for viewers of a fast run.
-const WINDOW_INTERVAL: Duration = Duration::from_millis(5);
+const MIN_WINDOW_INTERVAL: Duration = Duration::from_millis(5);
 /// Minimum wall time between two pictures.
-const PICTURE_INTERVAL: Duration = Duration::from_millis(40);
+const MIN_PICTURE_INTERVAL: Duration = Duration::from_millis(40);
 /// Wall time after the last picture at which it is repeated with grains, if it had none.
 const GRAINS_DELAY: Duration = Duration::from_secs(1);
 /// Mean size of the polyhedra of grains per picture, bytes. With the length of the queue of a viewer, it limits the
@@ -78,7 +78,7 @@ impl LivePublisher {
             if self.time_to_picture() == Some(Duration::ZERO) {
                 self.send_picture();
             }
-            std::thread::sleep(WINDOW_INTERVAL);
+            std::thread::sleep(MIN_WINDOW_INTERVAL);
         }
         // Waiting for a viewer that does not read would take forever.
         self.server.stop().detach_all();
@@ -88,7 +88,7 @@ impl LivePublisher {
     fn time_to_picture(&self) -> Option<Duration> {
         let interval = match (self.has_new_frame, self.lacks_grains) {
             _ if !self.queue.has_viewers() => return None,
-            (true, _) => PICTURE_INTERVAL,
+            (true, _) => MIN_PICTURE_INTERVAL,
             (false, true) => GRAINS_DELAY,
             (false, false) => return None,
         };
@@ -111,7 +111,6 @@ impl LivePublisher {
     }
 
     fn send_results(&mut self, frame: &LiveFrame) {
-        // Before the messages: viewers take it as the time at which they arrive.
         self.server.broadcast_time(frame.state.time_ns);
         self.send(match &frame.reply {
             Some(reply) => topics::window_messages(&frame.model, &frame.state, reply),
