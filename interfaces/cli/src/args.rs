@@ -298,6 +298,9 @@ pub struct ReportArgs {
     /// Page to write (default: report.html in the folder of the run)
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
+    /// Add the bed in 3D, to be turned and played in a browser (28 bytes per body and frame)
+    #[arg(long)]
+    pub scene: bool,
 }
 
 #[derive(Debug, Args)]

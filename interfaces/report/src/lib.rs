@@ -4,6 +4,7 @@ mod charts;
 mod maps;
 pub mod plot;
 mod run_page;
+mod scene_view;
 mod section;
 mod source;
 mod squeezes;

@@ -6,6 +6,7 @@
 use crate::charts;
 use crate::maps::CompactnessGrid;
 use crate::plot::{Chart, HtmlPage, Legend, SeriesStyle};
+use crate::scene_view::SceneView;
 use crate::section::SectionPicture;
 use crate::source::ReportSource;
 use crate::squeezes::squeezes;
@@ -13,22 +14,25 @@ use ballast::math::{Pose, Vec3};
 use ballast::model::{PartitionRule, Role, Solver};
 use ballast::observe::{MIN_CONTACT_FORCE, SqueezeOutcome};
 use ballast::track::TampingPhase;
-use ballast_session::Result;
 use ballast_session::record::Column;
 use ballast_session::summary_text;
 use ballast_session::table::{TextTable, figure};
+use ballast_session::{Failure, Result};
 
-/// Returns the report of a run.
+/// Returns the report of a run, with a 3D view of its frames on request.
 ///
 /// # Errors
-/// A table of steps that does not fit the case.
-pub fn page(source: &ReportSource) -> Result<HtmlPage> {
+/// A table of steps that does not fit the case; a 3D view of a run without frames.
+pub fn page(source: &ReportSource, with_scene: bool) -> Result<HtmlPage> {
     let plan = &source.case.plan;
     let tracked = &source.summary.settings().tracked;
     let squeezes = squeezes(plan, &source.model, tracked, &source.rows)?;
     let mut page = HtmlPage::new(&format!("Tamping of {}", plan.name));
     introduction(source, &mut page);
     pictures(source, &mut page);
+    if with_scene {
+        scene(source, &mut page)?;
+    }
     compactness(source, &mut page);
     forces(source, &squeezes, &mut page);
     quality(source, &mut page);
@@ -115,6 +119,15 @@ fn displacements(source: &ReportSource, first: &[Pose]) -> Vec<f64> {
     last.iter().zip(first).map(|(p, q)| 1e3 * (p - q.position).norm()).collect()
 }
 
+/// Returns the displacement that nine tenths of the grains stay below, mm.
+///
+/// One grain thrown out of the bed must not hide the displacements of all others.
+fn large_displacement(values: &[f64]) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(1.0).max(1e-3)
+}
+
 fn last_poses(source: &ReportSource) -> Vec<Pose> {
     (0..source.model.body_count()).map(|b| source.state.pose(b)).collect()
 }
@@ -126,10 +139,7 @@ fn pictures(source: &ReportSource, page: &mut HtmlPage) {
         return;
     };
     let values = displacements(source, &first.poses);
-    let mut sorted = values.clone();
-    sorted.sort_by(f64::total_cmp);
-    // One grain thrown out of the bed must not hide the displacements of all others.
-    let high = sorted.get(sorted.len() * 9 / 10).copied().unwrap_or(1.0).max(1e-3);
+    let high = large_displacement(&values);
     let legend =
         Legend { low: 0.0, high, label: "displacement of the grain, start to end (mm)".into() };
     let bed = &source.case.plan.bed;
@@ -153,6 +163,25 @@ fn pictures(source: &ReportSource, page: &mut HtmlPage) {
          that seem to float rest on others outside the plane. A tenth of the grains moved farther than the last shade.",
         figure(section.y, 3)
     ));
+}
+
+/// Adds the 3D view of the frames.
+fn scene(source: &ReportSource, page: &mut HtmlPage) -> Result<()> {
+    let Some(first) = source.frames.first() else {
+        return Err(Failure::Failed(
+            "--scene: expected frames in the results, found none; run the case with run.output_interval_s above 0".into(),
+        ));
+    };
+    let high = large_displacement(&displacements(source, &first.poses));
+    let size = source.case.plan.bed.size;
+    let view = SceneView { model: &source.model, frames: &source.frames, size, high };
+    page.figure(&view.html());
+    page.note(&format!(
+        "Turn with the mouse, move with the right button, zoom with the wheel. Stones are shaded by their displacement since \
+         the first frame, the last shade from {} mm on. Cutting away hides stones and sleepers in front, not tines.",
+        figure(high, 2)
+    ));
+    Ok(())
 }
 
 /// Returns the upper edge of the pictures, a little above fill and sleepers, m.

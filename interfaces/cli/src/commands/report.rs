@@ -13,7 +13,7 @@ pub fn report(args: ReportArgs, console: Console) -> Result {
     check_replaceable(&path, "a page", || begins_with(&path, PAGE_START.as_bytes()))
         .map_err(|e| Failure::at(&path, e))?;
     let source = ReportSource::open(&files, &console).map_err(|e| files.explain_read_failure(e))?;
-    let html = report::page(&source)?.html();
+    let html = report::page(&source, args.scene)?.html();
     replace_text(&path, &html)?;
     console.event("report", json!({ "path": path, "bytes": html.len() }));
     console.result(&format!("report of {}: {}", source.case.plan.name, path.display()));

@@ -3,6 +3,9 @@
 use crate::setup::{CASE, Place};
 use ballast_hdf5::checkpoint;
 use ballast_hdf5::results::ResultsReader;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::Value;
 
 #[test]
 fn a_page_tells_a_whole_run_by_itself() {
@@ -53,6 +56,52 @@ fn a_page_tells_a_whole_run_by_itself() {
     std::fs::write(place.path("run/report.html"), "mine").unwrap();
     place.run("--out run --steps 3 --force").with_code(0);
     assert_eq!(place.text("run/report.html"), "mine");
+}
+
+#[test]
+fn a_scene_has_the_bodies_of_every_frame_and_needs_nothing_from_outside() {
+    let place = Place::new();
+    place.run("--out run").with_code(0);
+    place.call("report run --scene").with_code(0);
+    let page = place.text("run/report.html");
+    for word in ["http:", "https:", "src=", "import"] {
+        assert!(!page.contains(word), "{word}");
+    }
+    let (_, data) = page.split_once("showScene({").expect("a call with data");
+    let (data, _) = data.split_once("}, document").expect("the end of the data");
+    let data: Value = serde_json::from_str(&format!("{{{data}}}")).unwrap();
+    let bytes = |key: &str| STANDARD.decode(data[key].as_str().unwrap()).unwrap();
+    let floats = |key: &str| -> Vec<f32> {
+        bytes(key).chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
+    };
+    let results = ResultsReader::open(place.path("run/results.vtkhdf")).unwrap();
+    let stored = checkpoint::read(&place.path("run/checkpoint.h5")).unwrap();
+    let (grains, frames) = (stored.model.grains.len(), results.times().unwrap().len());
+    assert!(frames > 2);
+    assert_eq!(data["frames"].as_array().unwrap().len(), frames);
+    // Shape and kind of each body: grains, a block, and two tines of blade and shaft.
+    let items = bytes("items").len() / 8;
+    assert_eq!(items, grains + 1 + 4);
+    let poses = floats("poses");
+    assert_eq!(poses.len(), 7 * items * frames);
+    for frame in [0, frames - 1] {
+        for (grain, pose) in results.poses(frame).unwrap()[..grains].iter().enumerate() {
+            let p = pose.position;
+            let found = &poses[7 * (frame * items + grain)..][..3];
+            assert_eq!(found, [p.x as f32, p.y as f32, p.z as f32]);
+        }
+    }
+    let count = |k: usize| -> u64 {
+        data["shapes"].as_array().unwrap().iter().map(|s| s[k].as_u64().unwrap()).sum()
+    };
+    assert_eq!(floats("corners").len() as u64, 3 * count(0));
+    assert_eq!(bytes("triangles").len() as u64, 6 * count(1));
+
+    // Without frames there is nothing to show.
+    let place = Place::with(&CASE.replace("output_interval_s = 0.01", "output_interval_s = 0"));
+    place.run("--out run --steps 3").with_code(0);
+    let said = place.call("report run --scene").with_code(1).stderr();
+    assert!(said.contains("--scene") && said.contains("run.output_interval_s"), "{said}");
 }
 
 #[test]
