@@ -155,10 +155,16 @@ impl CoveredContacts {
             }
             let foot = touched.pose.inverse_point(&point.foot);
             let normal = touched.pose.orientation.inverse() * point.normal;
-            let faces = touched.shape.face_normals.iter().zip(&touched.shape.face_offsets);
-            let height = |(n, offset): (&Vec3, &f64)| (n.dot(&foot) - offset).abs();
-            let near = faces.filter(|(n, _)| n.dot(&normal) > MIN_FACE_ALIGNMENT);
-            let Some((n, offset)) = near.min_by(|a, b| height(*a).total_cmp(&height(*b))) else {
+            let tolerance = TOLERANCE * touched.shape.radius;
+            let faces = || touched.shape.face_normals.iter().zip(&touched.shape.face_offsets);
+            let height = |(n, offset): (&Vec3, &f64)| n.dot(&foot) - offset;
+            // The foot on a separating plane (T-40) lies outside the body, and its plane stands for no face.
+            if faces().any(|face| height(face) > tolerance) {
+                continue;
+            }
+            let near = faces().filter(|(n, _)| n.dot(&normal) > MIN_FACE_ALIGNMENT);
+            let on = near.filter(|face| height(*face) >= -tolerance);
+            let Some((n, offset)) = on.max_by(|a, b| height(*a).total_cmp(&height(*b))) else {
                 continue;
             };
             let gap = n.dot(&(foot + normal * point.gap)) - offset;

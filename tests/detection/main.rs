@@ -5,6 +5,7 @@ mod json;
 mod oracle;
 mod scene;
 
+mod covered;
 mod exactness;
 mod manifolds;
 mod matching;
