@@ -16,7 +16,7 @@ use crate::integrate::{self, ContactBalance, StepMotion};
 use crate::local_problem::VelocitySolution;
 use crate::math::Vec3;
 use crate::model::{Model, PenetrationCorrection, Schedule, Solver};
-pub use crate::nlgs::Residuals;
+pub use crate::nlgs::{ComplementarityGap, Residuals};
 use crate::state::{EnergyLedger, State};
 use crate::workspace::{CorrectionBuffers, Workspace};
 use rayon::prelude::*;
@@ -303,6 +303,7 @@ fn integrate_and_report(
         iterations: outcome.iterations,
         visits: outcome.visits,
         residuals: outcome.residuals,
+        complementarity: outcome.complementarity,
         converged: outcome.converged,
         sync_fallback: outcome.sync_fallback,
         solve_passes: 1,
@@ -439,6 +440,8 @@ pub struct StepReport {
     pub visits: u64,
     /// Residuals of the last convergence test.
     pub residuals: Residuals,
+    /// Energy by which the solution misses the contact law.
+    pub complementarity: ComplementarityGap,
     /// True if the tolerance was reached, or there is none.
     pub converged: bool,
     /// True if asynchronous iterations diverged and were repeated by the synchronous schedule.

@@ -137,6 +137,12 @@ pub struct SolverResult {
     pub force_difference: f64,
     /// Magnitudes of these impulses, N s; 0 where no step of the window was checked.
     pub force_compared: f64,
+    /// Complementarity gap, summed over the steps, J (T-44).
+    pub complementarity_gap: f64,
+    /// Infeasible part beside the complementarity gap, summed over the steps, J (T-44).
+    pub infeasible_work: f64,
+    /// Energy that contacts have dissipated in the window, J (T-14).
+    pub dissipated: f64,
 }
 
 /// End of a window, from which its result is read.
@@ -152,14 +158,20 @@ pub(super) struct WindowEnd<'a> {
 /// Sums over the steps of a running window.
 pub(super) struct ResultAccumulator {
     t0_ns: u64,
+    /// Energy dissipated before the window, J.
+    dissipated_before: f64,
     steps: u64,
     bodies: Vec<BodyResult>,
     solver: SolverResult,
 }
 
 impl ResultAccumulator {
-    pub fn new(model: &Model, t0_ns: u64) -> Self {
+    /// Starts a window from `state`.
+    pub fn new(model: &Model, state: &State) -> Self {
         let zero = Vec3::zeros();
+        let t0_ns = state.time_ns;
+        // The first step of a run opens the ledger.
+        let dissipated_before = if state.step == 0 { 0.0 } else { state.energy.dissipated };
         let body = BodyResult {
             impulse: zero,
             angular_impulse: zero,
@@ -177,7 +189,7 @@ impl ResultAccumulator {
             angular_velocity: zero,
         };
         let bodies = vec![body; model.driven.len()];
-        Self { t0_ns, steps: 0, bodies, solver: SolverResult::default() }
+        Self { t0_ns, dissipated_before, steps: 0, bodies, solver: SolverResult::default() }
     }
 
     pub fn steps(&self) -> u64 {
@@ -207,6 +219,9 @@ impl ResultAccumulator {
         let solver = &mut self.solver;
         solver.force_difference += report.force_check.difference;
         solver.force_compared += report.force_check.total;
+        solver.complementarity_gap += report.complementarity.gap;
+        solver.infeasible_work += report.complementarity.infeasible;
+        solver.dissipated = state.energy.dissipated - self.dissipated_before;
         solver.iterations += u64::from(report.iterations);
         solver.visits += report.visits;
         solver.steps_not_converged += u64::from(!report.converged);

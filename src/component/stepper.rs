@@ -143,7 +143,7 @@ impl Component {
         let (model, limits) = (Arc::clone(&self.model), self.limits);
         let (steps, plan) = self.planned(t1_ns, &inputs.into())?;
         let before = Arc::clone(&self.state);
-        let mut account = ResultAccumulator::new(&model, before.time_ns);
+        let mut account = ResultAccumulator::new(&model, &before);
         let mut reactions = before.window.reactions.clone();
         let mut squeezes =
             SqueezeMeter::resume(Arc::clone(&self.squeezes), &before.window.squeezes);
@@ -192,7 +192,7 @@ impl Component {
         };
         if status == WindowStatus::Discard {
             self.state = Arc::clone(&before);
-            account = ResultAccumulator::new(&model, self.now_ns());
+            account = ResultAccumulator::new(&model, &before);
             squeezes = SqueezeMeter::resume(Arc::clone(&self.squeezes), &before.window.squeezes);
         }
         let squeeze_results = squeezes.take_outcomes();

@@ -12,7 +12,7 @@ use crate::lanes::BodyVelocity;
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
 use crate::model::Solver;
-use crate::nlgs::VisitNorms;
+use crate::nlgs::{ComplementarityGap, VisitNorms};
 use crate::partition::Partition;
 use rayon::prelude::*;
 use std::ops::AddAssign;
@@ -200,10 +200,11 @@ impl Decomposition {
         }
     }
 
-    /// Computes the natural map residual of the whole problem at the current velocities and impulses.
-    pub(super) fn natural_map(&mut self) -> f64 {
-        self.for_each_set_in_order(|set| set.map = set.contacts.natural_map());
-        self.last_natural_map()
+    /// Computes the natural map residual and the complementarity gap of the whole problem at the current velocities and
+    /// impulses.
+    pub(super) fn law_errors(&mut self) -> (f64, ComplementarityGap) {
+        self.for_each_set_in_order(|set| set.law = set.contacts.law_sums());
+        (self.last_natural_map(), self.sum(|set| set.law).complementarity)
     }
 
     /// Returns the natural map residual from the last sums of the sets; zero if only rounding changes the impulses.
@@ -211,7 +212,7 @@ impl Decomposition {
         if self.visit_norms().is_rounding_noise() {
             return 0.0;
         }
-        self.sum(|set| set.map).residual()
+        self.sum(|set| set.law).natural_map()
     }
 
     /// Locks the two subdomains of group `g` in ascending order.

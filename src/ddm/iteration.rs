@@ -2,7 +2,7 @@
 
 use crate::cancel::StopReason;
 use crate::model::{Norm, Solver};
-use crate::nlgs::Residuals;
+use crate::nlgs::{ComplementarityGap, Residuals};
 
 /// Outcome of the iterations of a step.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -13,6 +13,8 @@ pub struct SolveOutcome {
     pub visits: u64,
     /// Residuals of the last convergence test.
     pub residuals: Residuals,
+    /// Complementarity gap at the end.
+    pub complementarity: ComplementarityGap,
     /// True if the tolerance was reached, or none was set.
     pub converged: bool,
     /// True if the asynchronous iterations diverged and the synchronous schedule solved the step.

@@ -3,7 +3,7 @@
 use super::nncg::NncgMemory;
 use crate::local_problem::LocalProblem;
 use crate::nlgs::anderson::{History, HistoryProducts};
-use crate::nlgs::{BlockSubset, ContactSet, NaturalMapSums, VisitNorms};
+use crate::nlgs::{BlockSubset, ContactLawSums, ContactSet, VisitNorms};
 use crate::partition::Partition;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -34,8 +34,8 @@ pub(super) struct SweepSet {
     pub contacts: ContactSet,
     /// Norms of the last measured sweep.
     pub norms: VisitNorms,
-    /// Natural map sums when last computed.
-    pub map: NaturalMapSums,
+    /// Distance of the contacts from their law when last computed.
+    pub law: ContactLawSums,
     /// True if the last convergence test found this set converged: the synchronous schedule skips it until the next test.
     pub is_converged: bool,
     /// True if the last test found this set no longer converged, so that its search direction is out of date.

@@ -53,7 +53,7 @@ pub(super) fn iterate(
         return Err(Error::Stopped(reason));
     }
     let mut outcome = control.outcome;
-    outcome.residuals.natural_map = decomposition.natural_map();
+    (outcome.residuals.natural_map, outcome.complementarity) = decomposition.law_errors();
     outcome.visits = decomposition.visits();
     Ok(outcome)
 }
@@ -111,7 +111,7 @@ impl IterationBatch {
         }
         let Some(iteration) = task.pass.checked_sub(self.leading_passes()) else { return };
         if iteration == self.iterations {
-            set.map = set.contacts.natural_map();
+            set.law = set.contacts.law_sums();
             return;
         }
         let is_last = iteration + 1 == self.iterations;

@@ -6,7 +6,7 @@
 
 use super::block::{NncgBlock, PairBlock, Row64, SingleBlock};
 use super::kernel::{BlockSubset, Blocks, OperationCounts};
-use super::residual::{NaturalMapSums, VisitNorms};
+use super::residual::{ContactLawSums, VisitNorms};
 use crate::contact_graph::{PADDING, Packing};
 use crate::lanes::{self, BodyVelocity, InstructionSet, LANES};
 use crate::local_problem::LocalProblem;
@@ -334,9 +334,9 @@ impl ContactSet {
         }
     }
 
-    /// Computes the sums of the natural map at the current impulses and velocities.
-    pub fn natural_map(&self) -> NaturalMapSums {
-        self.blocks.natural_map(self.arithmetic, &self.lines)
+    /// Computes how far the contacts are from their law at the current impulses and velocities.
+    pub fn law_sums(&self) -> ContactLawSums {
+        self.blocks.law_sums(self.arithmetic, &self.lines)
     }
 
     /// Returns the contacts with their impulses (n, t, s), N s, in the order of the sweep.

@@ -284,6 +284,21 @@ pub fn natural_map<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> [L; 3
     each!(K in 3 => L::select(contact, r[K].sub(projected[K]), zero))
 }
 
+/// Returns the complementarity gap and its infeasible part (T-44), J; zero for padding.
+#[inline(always)]
+pub fn complementarity<L: Lanes>(law: &LawLanes<L>, u: &[L; 3], r: &[L; 3]) -> [L; 2] {
+    let zero = L::splat(0.0);
+    let positive = |x: L| L::select(zero.lt(x), x, zero);
+    let closing = positive(zero.sub(u[0]));
+    let normal = r[0].mul(u[0]);
+    let sliding = u[2].mul_add(u[2], u[1].mul(u[1])).sqrt();
+    let friction = law.friction.mul(r[0]);
+    let tangential = friction.mul_add(sliding, r[2].mul_add(u[2], r[1].mul(u[1])));
+    let missing = L::splat(0.5).mul(law.normal_mass).mul(closing).mul(closing);
+    let infeasible = positive(zero.sub(normal)).add(positive(zero.sub(tangential)));
+    [positive(normal).add(positive(tangential)), infeasible.add(missing)]
+}
+
 /// Projects eight impulses on Coulomb's cones, as [`crate::math::cone::project`] does with one.
 #[inline(always)]
 pub fn project<L: Lanes>(mu: L, x: &[L; 3]) -> [L; 3] {

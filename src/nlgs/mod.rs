@@ -21,4 +21,4 @@ mod tests;
 
 pub use contact_set::{ContactSet, MemoryTraffic};
 pub use kernel::{BlockSubset, OperationCounts};
-pub use residual::{NaturalMapSums, Residuals, VisitNorms};
+pub use residual::{ComplementarityGap, ContactLawSums, Residuals, VisitNorms};

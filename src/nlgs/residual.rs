@@ -1,4 +1,4 @@
-//! Residuals of a contact problem: LMGC90's norms and the natural map.
+//! Residuals of a contact problem: LMGC90's norms, the natural map and the complementarity gap.
 //!
 //! NormSums over a set of contacts are added up, in a fixed order, over the sets of a problem, then turned
 //! into norms.
@@ -124,25 +124,47 @@ impl VisitNorms {
     }
 }
 
-/// NormSums of the natural map with `ρ_c = 3 / tr W_cc` (T-10).
+/// Energy by which the impulses of a solution miss the contact law, summed over the contacts (T-44).
+///
+/// Both parts are zero at a solution and never negative, so that they add up over steps.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct NaturalMapSums {
-    /// Sum `Σ ‖r - P_K(r - ρ (u + μ ‖u_T‖ n))‖²`, (N s)².
-    pub map_squared: f64,
-    /// Sum `Σ ‖r‖²`, (N s)².
-    pub r_squared: f64,
+pub struct ComplementarityGap {
+    /// Impulses of contacts that open, times the speed at which they open, and the work of friction that is missing from
+    /// Coulomb's law, J.
+    pub gap: f64,
+    /// Part in which impulses and velocities are not feasible, J: contacts that still close at the end of the step.
+    pub infeasible: f64,
 }
 
-impl AddAssign for NaturalMapSums {
+impl AddAssign for ComplementarityGap {
     fn add_assign(&mut self, other: Self) {
-        self.map_squared += other.map_squared;
-        self.r_squared += other.r_squared;
+        self.gap += other.gap;
+        self.infeasible += other.infeasible;
     }
 }
 
-impl NaturalMapSums {
+/// Sums over the contacts of how far they are from the contact law, at impulses and velocities of the same moment.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ContactLawSums {
+    /// Sum `Σ ‖r - P_K(r - ρ (u + μ ‖u_T‖ n))‖²` with `ρ_c = 3 / tr W_cc` (T-10), (N s)².
+    pub map_squared: f64,
+    /// Sum `Σ ‖r‖²`, (N s)².
+    pub r_squared: f64,
+    /// Complementarity gap.
+    pub complementarity: ComplementarityGap,
+}
+
+impl AddAssign for ContactLawSums {
+    fn add_assign(&mut self, other: Self) {
+        self.map_squared += other.map_squared;
+        self.r_squared += other.r_squared;
+        self.complementarity += other.complementarity;
+    }
+}
+
+impl ContactLawSums {
     /// Unit-free natural map (T-10): norm of the map over norm of the impulses.
-    pub fn residual(&self) -> f64 {
+    pub fn natural_map(&self) -> f64 {
         if self.map_squared == 0.0 { 0.0 } else { (self.map_squared / self.r_squared).sqrt() }
     }
 }

@@ -3,7 +3,7 @@
 use super::assembled_problem::AssembledProblem;
 use super::lattice_scene::LatticeScene;
 use super::reference::MatrixFreeSolver;
-use super::{BlockSubset, ContactSet};
+use super::{BlockSubset, ComplementarityGap, ContactSet};
 use crate::lanes::InstructionSet;
 use crate::local_problem::LocalProblem;
 use crate::math::Vec3;
@@ -78,12 +78,12 @@ fn a_relaxed_sweep_leaves_no_impulse_on_open_contacts() {
 fn sweeps_converge_to_a_solution_by_every_measure() {
     let scene = LatticeScene::grid([4, 4, 3], 1, 0.0, 5);
     let mut set = whole(&scene.problem);
-    let before = set.natural_map().residual();
+    let before = set.law_sums().natural_map();
     let mut norms = set.measured_sweep(1.0);
     for _ in 0..3000 {
         norms = set.measured_sweep(1.0);
     }
-    let after = set.natural_map().residual();
+    let after = set.law_sums().natural_map();
     assert!(before > 1e-2 && after < 1e-8, "{before:e} {after:e}");
     assert!(norms.residuals().qm16() < 1e-8, "{norms:?}");
     let assembled = AssembledProblem::from_problem(&scene.problem);
@@ -168,7 +168,7 @@ fn every_arithmetic_gives_the_same_bits() {
         let lines: Vec<u64> = set.lines.iter().flat_map(|l| l.0.iter().map(bits)).collect();
         let impulses: Vec<u64> =
             set.impulses().flat_map(|(_, r)| r.iter().map(bits).collect::<Vec<_>>()).collect();
-        (lines, impulses, norms, set.natural_map())
+        (lines, impulses, norms, set.law_sums())
     };
     let portable = run(InstructionSet::PORTABLE);
     for arithmetic in InstructionSet::available() {
@@ -240,6 +240,17 @@ fn inactive_contacts_are_swept_after_their_impulses_are_replaced() {
 ///
 /// Free velocity (along x, upwards) and the result, m/s; mass 0.02 kg, friction 0.4.
 fn single_grain(free: [f64; 2], gap: f64, restitution: f64) -> (Vec3, Vec3, Vec3) {
+    let scene = single_grain_scene(free, gap, restitution);
+    let mut set = whole(&scene.problem);
+    set.sweep(1.0);
+    let mut impulse = vec![Vec3::zeros()];
+    set.unpack(&mut impulse);
+    let (v, w) = scene.problem.velocity(0, &set.lines[0]);
+    (v, w, scene.problem.contacts[0].world(&impulse[0]))
+}
+
+/// Scene of [`single_grain`], without initial impulses.
+fn single_grain_scene(free: [f64; 2], gap: f64, restitution: f64) -> LatticeScene {
     let mut scene = LatticeScene::grid([1, 1, 1], 1, restitution, 3);
     scene.model.grains.mass[0] = 0.02;
     scene.model.grains.inertia[0] = Vec3::repeat(8e-7);
@@ -254,12 +265,7 @@ fn single_grain(free: [f64; 2], gap: f64, restitution: f64) -> (Vec3, Vec3, Vec3
     scene.contacts.gap[0] = gap;
     scene.warm = vec![Vec3::zeros()];
     scene.build();
-    let mut set = whole(&scene.problem);
-    set.sweep(1.0);
-    let mut impulse = vec![Vec3::zeros()];
-    set.unpack(&mut impulse);
-    let (v, w) = scene.problem.velocity(0, &set.lines[0]);
-    (v, w, scene.problem.contacts[0].world(&impulse[0]))
+    scene
 }
 
 fn close(a: Vec3, b: Vec3) -> bool {
@@ -288,6 +294,92 @@ fn a_single_grain_on_a_floor_follows_the_closed_form() {
     // Restitution returns half of the approach of a closed contact.
     let (v, _, _) = single_grain([0.0, -0.5], -1e-5, 0.5);
     assert!(close(v, Vec3::new(0.0, 0.0, 0.25)), "{v:?}");
+}
+
+/// Returns the complementarity gap of (T-44) from the scalar reference.
+fn reference_gap(problem: &LocalProblem, reference: &MatrixFreeSolver) -> ComplementarityGap {
+    let mut sum = ComplementarityGap::default();
+    for (i, contact) in problem.contacts.iter().enumerate() {
+        let (r, u) = (reference.impulse[i], reference.relative_velocity(i));
+        let normal = r.x * u.x;
+        let friction = f64::from(contact.friction) * r.x * u.yz().norm() + r.yz().dot(&u.yz());
+        sum.gap += normal.max(0.0) + friction.max(0.0);
+        sum.infeasible += (-normal).max(0.0) + (-friction).max(0.0);
+        sum.infeasible += 0.5 * u.x.min(0.0).powi(2) * f64::from(contact.normal_mass);
+    }
+    sum
+}
+
+#[test]
+fn the_complementarity_gap_is_that_of_its_definition() {
+    for (restitution, stiffness) in [(0.0, f64::INFINITY), (0.3, f64::INFINITY), (0.0, 1e6)] {
+        let mut scene = LatticeScene::grid([4, 4, 3], 1, restitution, 5);
+        if stiffness.is_finite() {
+            let springs =
+                ContactStiffness { normal: stiffness, tangential_ratio: 0.5, damping_time: 1e-4 };
+            scene.model.grain_stiffness = springs;
+            scene.model.driven[0].stiffness = springs;
+            scene.build();
+        }
+        let mut set = whole(&scene.problem);
+        let mut plain = MatrixFreeSolver::new(&scene.problem);
+        let order: Vec<u32> = set.order().collect();
+        // Initial impulses are partly outside of their cones.
+        for sweep in 0..4 {
+            let found = set.law_sums().complementarity;
+            let expected = reference_gap(&scene.problem, &plain);
+            for (found, expected) in
+                [(found.gap, expected.gap), (found.infeasible, expected.infeasible)]
+            {
+                assert!(expected > 0.0, "sweep {sweep}");
+                assert!((found / expected - 1.0).abs() < 1e-9, "{sweep}: {found} {expected}");
+            }
+            set.sweep(1.0);
+            plain.sweep(order.iter().copied(), 1.0);
+        }
+        (0..20_000).for_each(|_| set.sweep(1.0));
+        let end = set.law_sums().complementarity;
+        let start = reference_gap(&scene.problem, &MatrixFreeSolver::new(&scene.problem));
+        let left = (end.gap + end.infeasible) / (start.gap + start.infeasible);
+        assert!((0.0..1e-9).contains(&left), "{restitution}, {stiffness}: {left:e}");
+    }
+}
+
+#[test]
+fn wrong_impulses_of_a_single_grain_have_the_gap_of_the_closed_form() {
+    // Closed contact below the centre: 3 m/s along x, 0.5 m/s downwards, mass 0.02 kg, μ = 0.4.
+    let (m, lever, inertia, mu) = (0.02, 0.01, 8e-7, 0.4);
+    let gap = |normal: f64, tangential: f64| {
+        let mut scene = single_grain_scene([3.0, -0.5], 0.0, 0.0);
+        scene.warm = vec![Vec3::new(tangential, 0.0, normal)];
+        scene.build();
+        whole(&scene.problem).law_sums().complementarity
+    };
+    let close = |found: f64, expected: f64| {
+        assert!((found - expected).abs() <= 1e-6 * expected, "{found} J instead of {expected} J");
+    };
+    let exact = m * 0.5;
+    let slide = |tangential: f64| 3.0 + tangential * (1.0 / m + lever * lever / inertia);
+    let solved = gap(exact, -mu * exact);
+    assert!(solved.gap + solved.infeasible < 1e-9, "{solved:?}");
+    // Twice the impulse: the grain leaves at 0.5 m/s.
+    let found = gap(2.0 * exact, -2.0 * mu * exact);
+    close(found.gap, 2.0 * exact * 0.5);
+    assert!(found.infeasible < 1e-9, "{found:?}");
+    // Half of it: the grain still closes at 0.25 m/s.
+    let found = gap(0.5 * exact, -0.5 * mu * exact);
+    assert!(found.gap < 1e-9, "{found:?}");
+    close(found.infeasible, 0.5 * exact * 0.25 + 0.5 * m * 0.25 * 0.25);
+    // None: it closes with all of its normal energy.
+    let found = gap(0.0, 0.0);
+    assert_eq!(found.gap, 0.0);
+    close(found.infeasible, 0.5 * m * 0.5 * 0.5);
+    // Half of the friction: the other half of its work is missing. Twice the friction: outside of the cone.
+    let share = -0.5 * mu * exact;
+    close(gap(exact, share).gap, 0.5 * mu * exact * slide(share));
+    let excess = -2.0 * mu * exact;
+    assert!(slide(excess) > 0.0);
+    close(gap(exact, excess).infeasible, mu * exact * slide(excess));
 }
 
 #[test]

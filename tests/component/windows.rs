@@ -10,7 +10,8 @@ use ballast::drive::StepInputs;
 use ballast::math::{Pose, Quat, Vec3};
 use ballast::model::{ContactStiffness, Part, Role};
 use ballast::observe::Zone;
-use ballast::step::step;
+use ballast::state::State;
+use ballast::step::{StepReport, step};
 use ballast::workspace::Workspace;
 use std::ops::ControlFlow;
 use std::slice::from_ref;
@@ -345,6 +346,29 @@ fn a_step_that_stops_at_the_cap_is_a_warning() {
     let outcome = component.advance_to(10 * MS, &[]).expect("a window");
     assert_eq!(outcome.status, WindowStatus::Warn);
     assert!(outcome.solver.steps_not_converged > 0 && outcome.solver.residual_qm16 > 1e-8);
+}
+
+#[test]
+fn a_window_sums_gap_and_dissipation_of_its_steps() {
+    let mut component = heap(Limits::default());
+    let rest = floor(&component);
+    let (mut gap, mut dissipated) = ([0.0; 2], 0.0);
+    for t1 in [50 * MS, 100 * MS] {
+        let mut sums = [0.0; 2];
+        let mut steps = StepCallback(|_: &State, report: &StepReport| {
+            sums[0] += report.complementarity.gap;
+            sums[1] += report.complementarity.infeasible;
+            ControlFlow::Continue(())
+        });
+        let inputs = [shaken(rest, t1 - 50 * MS, t1)];
+        let solver = component.advance_observed(t1, &inputs, &mut steps).expect("a window").solver;
+        assert_eq!([solver.complementarity_gap, solver.infeasible_work], sums);
+        dissipated += solver.dissipated;
+        gap = [gap[0] + sums[0], gap[1] + sums[1]];
+    }
+    assert!(gap[0] > 0.0 && gap[1] > 0.0, "{gap:?}");
+    let ledger = component.state().energy.dissipated;
+    assert!((dissipated - ledger).abs() < 1e-12 * ledger, "{dissipated} J, {ledger} J");
 }
 
 #[test]

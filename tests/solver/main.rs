@@ -4,6 +4,7 @@
 #[path = "../common/mod.rs"]
 mod common;
 
+mod complementarity;
 mod machines;
 mod refusal;
 mod restart;

@@ -213,7 +213,7 @@ def window_of(run: Run, i: int) -> dict[str, dict[str, Any]]:
     reported["/ballast/solver"] = fields(
         out.solver,
         "iterations visits steps_not_converged residual_qm16 residual_natural_map contacts active_contacts "
-        "mean_penetration max_penetration force_difference force_compared",
+        "mean_penetration max_penetration force_difference force_compared complementarity_gap infeasible_work dissipated",
     )
     reported["/ballast/energy"] = fields(
         out.energy,

@@ -96,6 +96,10 @@ fn introduction(source: &ReportSource, page: &mut HtmlPage) {
     let error = summary.force_error().map_or("-".into(), |e| format!("{:.2} %", 100.0 * e));
     let method = "difference of two solutions of the same steps; target 1 %".into();
     cards.push(["error of tool and sleeper forces".into(), error, method]);
+    let work = summary.total_contact_work();
+    let error = work.error().map_or("-".into(), |e| format!("{:.2} %", 100.0 * e));
+    let joules = format!("{} J; target 1 %", figure(work.gap + work.infeasible, 2));
+    cards.push(["complementarity gap / dissipated energy".into(), error, joules]);
     page.cards(&cards);
 }
 

@@ -11,6 +11,7 @@ mod error;
 pub mod files;
 pub mod interrupt;
 pub mod lock;
+pub mod phase_figures;
 pub mod profile;
 pub mod quantities;
 pub mod record;

@@ -51,6 +51,8 @@ columns! {
         LimitedRotations: |s| s.report.limited_rotations as f64;
         ForceDifference: |s| s.report.force_check.difference;
         ForceCompared: |s| s.report.force_check.total;
+        ComplementarityGap: |s| s.report.complementarity.gap;
+        InfeasibleWork: |s| s.report.complementarity.infeasible;
         MeanPenetration: |s| s.report.mean_penetration;
         MaxPenetration: |s| s.report.max_penetration;
         Coordination: |s| s.coordination.mean_neighbours[0];
@@ -186,7 +188,7 @@ mod tests {
     use super::*;
     use ballast::math::Vec3;
     use ballast::state::EnergyLedger;
-    use ballast::step::{ForceCheck, Reaction, Residuals};
+    use ballast::step::{ComplementarityGap, ForceCheck, Reaction, Residuals};
 
     /// Step in which all figures differ.
     fn step() -> (State, StepReport, Coordination) {
@@ -226,6 +228,7 @@ mod tests {
             total_impulse: 2.0,
             limited_rotations: 7,
             force_check: ForceCheck { difference: 0.25, total: 5.0 },
+            complementarity: ComplementarityGap { gap: 0.01, infeasible: 0.02 },
             mean_penetration: 1e-6,
             max_penetration: 1e-5,
             reactions: vec![
@@ -272,6 +275,8 @@ mod tests {
             ("limited_rotations", "", 7.0),
             ("force_difference", "N s", 0.25),
             ("force_compared", "N s", 5.0),
+            ("complementarity_gap", "J", 0.01),
+            ("infeasible_work", "J", 0.02),
             ("mean_penetration", "m", 1e-6),
             ("max_penetration", "m", 1e-5),
             ("coordination", "", 5.5),

@@ -3,6 +3,7 @@
 //! The only inputs are rows and the last state. A resumed run reads the earlier rows back and therefore ends with the
 //! figures of a run without interruption.
 
+use crate::phase_figures::{ContactWork, PhaseForce, larger};
 use crate::quantities::Quantity as Q;
 use crate::record::{Column, StepRow, TrackedBody};
 use crate::statistics::{MovingMean, Statistics, norm};
@@ -70,6 +71,8 @@ pub struct RunSummary {
     pub open_and_total_impulse: [f64; 2],
     /// Sums of the differences and of the magnitudes of the impulses of checked steps, N s.
     pub force_difference_and_compared: [f64; 2],
+    /// Contact work of each phase of the cycle.
+    pub contact_work: [ContactWork; TampingPhase::ALL.len()],
     /// Touching grains whose energy was limited, over the steps.
     pub limited_rotations: u64,
     /// Largest of LMGC90's norms.
@@ -134,60 +137,6 @@ pub struct BodySummary {
     recent: MovingMean,
 }
 
-/// Force in one phase of the cycle, N.
-#[derive(Debug, Clone)]
-pub struct PhaseForce {
-    phase: TampingPhase,
-    /// Force magnitudes of single steps, N.
-    pub single: Statistics,
-    sum: [f64; 3],
-    /// Largest force averaged over a vibration period within the phase, N.
-    pub period_peak: Option<f64>,
-    recent: MovingMean,
-}
-
-impl PhaseForce {
-    fn of(phase: TampingPhase, period: usize) -> Self {
-        let recent = MovingMean::new(period);
-        Self { phase, single: Statistics::default(), sum: [0.0; 3], period_peak: None, recent }
-    }
-
-    fn take(&mut self, phase: TampingPhase, force: [f64; 3]) {
-        if phase != self.phase {
-            // Periods end with the phase.
-            return self.recent.clear();
-        }
-        self.single.take(norm(force));
-        self.sum = std::array::from_fn(|k| self.sum[k] + force[k]);
-        if let Some(mean) = self.recent.take(force) {
-            self.period_peak = larger(self.period_peak, norm(mean));
-        }
-    }
-
-    /// Returns the mean of the force magnitudes, N; `None` before the phase.
-    pub fn mean_magnitude(&self) -> Option<f64> {
-        (!self.single.is_empty()).then(|| self.single.mean())
-    }
-
-    /// Returns the magnitude of the mean force vector, N; `None` before the phase.
-    fn mean_vector_norm(&self) -> Option<f64> {
-        (!self.single.is_empty()).then(|| norm(self.sum) / self.single.count() as f64)
-    }
-
-    fn json(&self) -> Value {
-        json!({
-            (Q::MeanForceMagnitude.key()): self.mean_magnitude(),
-            (Q::MeanForceVectorNorm.key()): self.mean_vector_norm(),
-            (Q::PeakForce.key()): (!self.single.is_empty()).then(|| self.single.max()),
-            (Q::PeakPeriodAveragedForce.key()): self.period_peak,
-        })
-    }
-}
-
-fn larger(most: Option<f64>, value: f64) -> Option<f64> {
-    Some(most.map_or(value, |most| most.max(value)))
-}
-
 impl RunSummary {
     /// Creates an empty summary for a run from its beginning.
     pub fn new(settings: SummarySettings) -> Self {
@@ -228,6 +177,11 @@ impl RunSummary {
         (compared > 0.0).then(|| difference / compared)
     }
 
+    /// Returns the contact work of all steps.
+    pub fn total_contact_work(&self) -> ContactWork {
+        self.contact_work.iter().copied().sum()
+    }
+
     /// Adds a row of the table `steps`.
     pub fn take_step(&mut self, row: &StepRow) {
         self.steps += 1;
@@ -255,6 +209,7 @@ impl RunSummary {
         }
         let dissipated = row.get(Column::Dissipated);
         self.spurious_contact_energy += (self.dissipated - dissipated).max(0.0);
+        self.contact_work[row.phase() as usize].take(row, dissipated - self.dissipated);
         self.time = row.get(Column::Time);
         self.dissipated = dissipated;
         self.take_coordination(row);
@@ -362,6 +317,7 @@ impl RunSummary {
         let zones = self.settings.zones.iter().zip(&self.compactness);
         let last = |column| self.last.as_ref().map(|row| row.get(column));
         let has_steps = self.steps > 0;
+        let contact_work = self.total_contact_work();
         json!({
             (Q::Steps.key()): self.steps,
             (Q::FromStep.key()): self.from_step,
@@ -392,6 +348,8 @@ impl RunSummary {
                 (Q::Dissipated.key()): last(Column::Dissipated),
                 (Q::BalanceError.key()): last(Column::BalanceError),
                 (Q::SpuriousContactEnergy.key()): self.spurious_contact_energy,
+                (Q::ComplementarityGap.key()): contact_work.gap,
+                (Q::InfeasibleWork.key()): contact_work.infeasible,
             },
             "solver": {
                 (Q::Contacts.key()): self.contacts.json(),
@@ -407,6 +365,11 @@ impl RunSummary {
                 (Q::StepsResolved.key()): self.resolved,
                 (Q::OpenImpulseShare.key()): self.open_impulse_share(),
                 (Q::ForceError.key()): self.force_error(),
+                (Q::ComplementarityError.key()): json!({
+                    "run": contact_work.error(),
+                    "insertion": self.contact_work[TampingPhase::Insertion as usize].error(),
+                    "squeeze": self.contact_work[TampingPhase::Squeeze as usize].error(),
+                }),
                 (Q::LimitedRotations.key()): self.limited_rotations,
             },
         })

@@ -3,6 +3,7 @@
 use super::*;
 use crate::record::columns;
 use crate::summary_text::tine_depth_warning;
+use ballast::state::EnergyLedger;
 
 fn settings() -> SummarySettings {
     let tine = TrackedBody { name: "left".into(), role: Role::Tine, driven: 0 };
@@ -31,6 +32,8 @@ fn step(time: f64, phase: f64, coordination: f64, force: f64, converged: bool) -
     set("converged", f64::from(u8::from(converged)));
     set("max_penetration", 0.001 * time);
     set("dissipated", 4.0 - time.min(2.0));
+    set("complementarity_gap", 0.01 * time);
+    set("infeasible_work", 0.005);
     set("left_force_x", force);
     set("left_work", 2.0);
     set("left_z", 1.0 - 0.1 * time);
@@ -81,6 +84,32 @@ fn figures_of_a_short_cycle() {
     assert_eq!((&json["time_s"], &json["from_step"]), (&json!(3.0), &json!(0)));
     summary.take_step(&step(4.0, 5.0, 5.0, 0.0, true));
     assert!((summary.closing_shortfalls()[0] - 0.01).abs() < 1e-12);
+}
+
+#[test]
+fn the_complementarity_gap_is_compared_with_the_energy_dissipated_in_the_same_steps() {
+    let mut summary = RunSummary::new(settings());
+    let state = State {
+        energy: EnergyLedger { dissipated: 10.0, ..Default::default() },
+        ..Default::default()
+    };
+    summary = summary.starting_at(&state);
+    for (time, phase, dissipated) in [(1.0, 1.0, 9.0), (2.0, 2.0, 12.0), (3.0, 2.0, 14.0)] {
+        let mut row = step(time, phase, 5.0, 0.0, true);
+        row.0[Column::Dissipated as usize] = dissipated;
+        summary.take_step(&row);
+    }
+    let json = summary.json();
+    let close = |found: &serde_json::Value, expected: f64| {
+        assert!((found.as_f64().unwrap() - expected).abs() < 1e-12, "{found} {expected}");
+    };
+    close(&json["energy_J"]["complementarity_gap"], 0.06);
+    close(&json["energy_J"]["infeasible_work"], 0.015);
+    let error = &json["solver"]["complementarity_error"];
+    close(&error["run"], 0.075 / 4.0);
+    close(&error["insertion"], 0.06 / 5.0);
+    assert!(error["squeeze"].is_null());
+    assert!(summary.contact_work[TampingPhase::Lift as usize].error().is_none(), "released energy");
 }
 
 #[test]

@@ -7,6 +7,7 @@ use crate::run_files::RunFiles;
 use crate::summary::{BodySummary, RunSummary, TimedValue, last_cycle};
 use crate::table::{TextTable, duration, figure};
 use ballast::model::Role;
+use ballast::track::TampingPhase;
 use std::path::Path;
 
 /// Text in the place of a count of steps that have not converged, without a tolerance.
@@ -146,8 +147,14 @@ fn energy(summary: &RunSummary) -> TextTable {
         ] {
             table.row([quantity.label().to_string(), figure(last.get(column), 4)]);
         }
-        let label = Q::SpuriousContactEnergy.label();
-        table.row([label.to_string(), figure(summary.spurious_contact_energy, 4)]);
+        let work = summary.total_contact_work();
+        for (quantity, joules) in [
+            (Q::SpuriousContactEnergy, summary.spurious_contact_energy),
+            (Q::ComplementarityGap, work.gap),
+            (Q::InfeasibleWork, work.infeasible),
+        ] {
+            table.row([quantity.label().to_string(), figure(joules, 4)]);
+        }
     }
     table
 }
@@ -166,6 +173,15 @@ fn quality(summary: &RunSummary) -> TextTable {
     ]);
     if let Some(error) = summary.force_error() {
         table.row([Q::ForceError.label(), &format!("{:.2} %", 100.0 * error), ""]);
+    }
+    if let Some(error) = summary.total_contact_work().error() {
+        let phases = [TampingPhase::Insertion, TampingPhase::Squeeze].into_iter();
+        let phases = phases.filter_map(|phase| {
+            let error = summary.contact_work[phase as usize].error()?;
+            Some(format!("{}: {:.2} %", phase.name(), 100.0 * error))
+        });
+        let phases = phases.collect::<Vec<_>>().join(", ");
+        table.row([Q::ComplementarityError.label(), &format!("{:.2} %", 100.0 * error), &phases]);
     }
     for (quantity, statistics) in [
         (Q::ResidualQm16, summary.residual),

@@ -1,4 +1,4 @@
-//! Passes over the blocks of a set: sweep, measured sweep, application of impulses, natural map.
+//! Passes over the blocks of a set: sweep, measured sweep, application of impulses, distance from the contact law.
 //!
 //! Reads: blocks. Writes: lines and impulses. Cost: about 176 bytes of memory traffic per visit.
 //! Contract: the same bits from every [`InstructionSet`].
@@ -15,11 +15,11 @@ mod roofline;
 pub use counting::OperationCounts;
 
 use super::block::{LawRows, NncgBlock, PairBlock, Row64, SingleBlock};
-use super::residual::{NaturalMapSums, VisitNorms};
+use super::residual::{ContactLawSums, VisitNorms};
 use crate::lanes::{BodyVelocity, InstructionSet, LANES, VelocityKernel, run};
 use crate::local_problem::LocalContact;
 use passes::{
-    ActiveBlocks, AllBlocks, ApplyImpulses, Extrapolate, MeasuredSweep, NaturalMapPass, PlainSweep,
+    ActiveBlocks, AllBlocks, ApplyImpulses, Extrapolate, LawPass, MeasuredSweep, PlainSweep,
     ReplaceImpulses, SweepPass,
 };
 
@@ -302,14 +302,10 @@ impl Blocks {
         has_new
     }
 
-    /// Computes the sums of the natural map at the current impulses and velocities.
-    pub fn natural_map(
-        &self,
-        arithmetic: InstructionSet,
-        lines: &[BodyVelocity],
-    ) -> NaturalMapSums {
+    /// Computes how far the contacts are from their law at the current impulses and velocities.
+    pub fn law_sums(&self, arithmetic: InstructionSet, lines: &[BodyVelocity]) -> ContactLawSums {
         self.check_lines(lines);
-        let pass = NaturalMapPass { singles: &self.singles, pairs: &self.pairs, lines };
+        let pass = LawPass { singles: &self.singles, pairs: &self.pairs, lines };
         // SAFETY: indices were checked by `push_*`, lines above.
         unsafe { run(arithmetic, pass) }
     }

@@ -4,7 +4,7 @@ use super::coupling::{ContactBlock, dot};
 use crate::lanes::{BodyVelocity, Lanes, VelocityKernel, each, prefetch_at};
 use crate::nlgs::block::{NncgBlock, PairBlock, Row64, SingleBlock};
 use crate::nlgs::local_solve::{self, LawLanes, LocalSolve};
-use crate::nlgs::residual::{NaturalMapSums, VisitNorms};
+use crate::nlgs::residual::{ComplementarityGap, ContactLawSums, VisitNorms};
 
 /// Recorder of the visits of a sweep.
 trait SweepRecorder<L: Lanes>: Copy {
@@ -449,44 +449,49 @@ unsafe fn extrapolate_blocks<L: Lanes, B: ContactBlock>(
     }
 }
 
-/// Pass that sums the natural map.
-pub struct NaturalMapPass<'a> {
+/// Pass that sums the natural map and the complementarity gap.
+pub struct LawPass<'a> {
     pub singles: &'a [SingleBlock],
     pub pairs: &'a [PairBlock],
     pub lines: &'a [BodyVelocity],
 }
 
-impl VelocityKernel for NaturalMapPass<'_> {
-    type Output = NaturalMapSums;
+impl VelocityKernel for LawPass<'_> {
+    type Output = ContactLawSums;
     #[inline(always)]
-    unsafe fn run<L: Lanes>(self) -> NaturalMapSums {
-        let mut sums = [L::splat(0.0); 2];
+    unsafe fn run<L: Lanes>(self) -> ContactLawSums {
+        let mut sums = [L::splat(0.0); 4];
         // SAFETY: the caller's.
         unsafe {
-            natural_blocks(self.singles, self.lines, &mut sums);
-            natural_blocks(self.pairs, self.lines, &mut sums);
+            law_blocks(self.singles, self.lines, &mut sums);
+            law_blocks(self.pairs, self.lines, &mut sums);
         }
-        let [map_squared, r_squared] = sums.map(|lanes| {
+        let [map_squared, r_squared, gap, infeasible] = sums.map(|lanes| {
             let mut row = [0.0; 8];
             lanes.store(&mut row);
             row.iter().sum()
         });
-        NaturalMapSums { map_squared, r_squared }
+        let complementarity = ComplementarityGap { gap, infeasible };
+        ContactLawSums { map_squared, r_squared, complementarity }
     }
 }
 
 #[inline(always)]
-unsafe fn natural_blocks<L: Lanes, B: ContactBlock>(
+unsafe fn law_blocks<L: Lanes, B: ContactBlock>(
     blocks: &[B],
     lines: &[BodyVelocity],
-    sums: &mut [L; 2],
+    sums: &mut [L; 4],
 ) {
     for block in blocks {
         // SAFETY: the caller's.
         let (_, u) = unsafe { block.read::<L>(lines) };
         let r = each!(K in 3 => L::load(&block.impulse()[K]));
-        let map = local_solve::natural_map(&LawLanes::load(block.law()), &u, &r);
+        let law = LawLanes::load(block.law());
+        let map = local_solve::natural_map(&law, &u, &r);
         sums[0] = dot(&map, map, sums[0]);
         sums[1] = dot(&r, r, sums[1]);
+        let [gap, infeasible] = local_solve::complementarity(&law, &u, &r);
+        sums[2] = sums[2].add(gap);
+        sums[3] = sums[3].add(infeasible);
     }
 }

@@ -950,6 +950,25 @@ class SolverResult:
         A checked step is solved from the impulses of the last step and from zero. None where no step was checked.
         """
 
+    @property
+    def complementarity_gap(self) -> float:
+        """Energy by which impulses on opening contacts and friction miss the contact law, all steps, J (T-44)."""
+
+    @property
+    def infeasible_work(self) -> float:
+        """Energy of contacts that still close where the solve of a step ends, all steps, J (T-44)."""
+
+    @property
+    def dissipated(self) -> float:
+        """Energy that contacts have dissipated in the window, J."""
+
+    @property
+    def complementarity_error(self) -> float | None:
+        """Complementarity gap and infeasible part over the dissipated energy of the window.
+
+        Zero if all steps are solved exactly; None where nothing was dissipated.
+        """
+
 @final
 class EnergyLedger:
     """Energies of the grains since the start of the run, J."""

@@ -49,6 +49,10 @@ OF_SOLVER = {
     "active_contacts": "1",
     "mean_penetration": "m",
     "max_penetration": "m",
+    "force_difference": "N s",
+    "force_compared": "N s",
+    "complementarity_gap": "J",
+    "infeasible_work": "J",
 }
 OF_ZONE = {"compactness": "1", "coordination": "1", "inertial_number": "1", "pressure": "Pa"}
 

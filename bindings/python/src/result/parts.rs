@@ -227,7 +227,17 @@ message_class!(PySolverResult("SolverResult"):
     force_compared: f64 = |m, _| m.force_compared,
     #[doc = stub!("SolverResult.force_error")]
     force_error: Option<f64> =
-        |m, _| (m.force_compared > 0.0).then(|| m.force_difference / m.force_compared),;
+        |m, _| (m.force_compared > 0.0).then(|| m.force_difference / m.force_compared),
+    #[doc = stub!("SolverResult.complementarity_gap")]
+    complementarity_gap: f64 = |m, _| m.complementarity_gap,
+    #[doc = stub!("SolverResult.infeasible_work")]
+    infeasible_work: f64 = |m, _| m.infeasible_work,
+    #[doc = stub!("SolverResult.dissipated")]
+    dissipated: f64 = |m, _| m.dissipated,
+    #[doc = stub!("SolverResult.complementarity_error")]
+    complementarity_error: Option<f64> = |m, _| {
+        (m.dissipated > 0.0).then(|| (m.complementarity_gap + m.infeasible_work) / m.dissipated)
+    },;
 
     fn __repr__(&self) -> String {
         let SolverStats { iterations, steps_not_converged, residual_qm16, max_penetration, .. } = self.0;

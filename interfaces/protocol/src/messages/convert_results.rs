@@ -63,7 +63,7 @@ macro_rules! same_fields {
 same_fields!(
     SolverStats, component::SolverResult:
     iterations, visits, steps_not_converged, residual_qm16, residual_natural_map, contacts, active_contacts,
-    mean_penetration, max_penetration, force_difference, force_compared
+    mean_penetration, max_penetration, force_difference, force_compared, complementarity_gap, infeasible_work, dissipated
 );
 
 impl From<component::Parameters> for SolverParameters {

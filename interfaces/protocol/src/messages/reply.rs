@@ -140,6 +140,12 @@ message!(
         force_difference: f64,
         /// Magnitudes of these impulses, N s; 0: no step of the window was checked.
         force_compared: f64,
+        /// Complementarity gap of all steps, J.
+        complementarity_gap: f64,
+        /// Infeasible part beside the complementarity gap, of all steps, J.
+        infeasible_work: f64,
+        /// Energy that contacts have dissipated in the window, J.
+        dissipated: f64,
     }
 );
 
