@@ -147,8 +147,8 @@ fn at_checkpoint(case: &Case, from: &Path) -> Result<(Model, State)> {
     }
     // The key of the bed does not depend on motions and solver.
     let stored_plan = Case::parse(stored.case_text, &stored.case_name)?.plan;
-    let motion = |Plan { sleepers, tines, tamping, run, .. }: &Plan| {
-        (sleepers.clone(), tines.clone(), *tamping, run.stepping, run.restitution)
+    let motion = |Plan { sleepers, tines, plates, tamping, run, .. }: &Plan| {
+        (sleepers.clone(), tines.clone(), plates.clone(), *tamping, run.stepping, run.restitution)
     };
     if motion(&stored_plan) != motion(&case.plan) {
         return Err(Failure::Mismatch(format!(

@@ -12,7 +12,7 @@ use crate::step::StepReport;
 use crate::track::{TampingCycle, TampingState};
 use std::sync::Arc;
 
-/// Driver that moves tines and sleepers through a tamping cycle, one step per window.
+/// Driver that moves tines and sleepers through a tamping cycle, and plates, one step per window.
 ///
 /// The motion of a step depends on the forces of the steps before it, so that a window of several steps is refused.
 #[derive(Debug, Clone)]
@@ -54,7 +54,7 @@ impl Driver for TampingDriver {
             });
         }
         let mut motions = Vec::new();
-        self.cycle.positions(model, now_ns, &self.state, |d, position| {
+        self.cycle.positions(model, state, &self.state, |d, position| {
             let from = state.imposed(model, d);
             let (velocity, angular_velocity) = (Vec3::zeros(), Vec3::zeros());
             let knot = |time_ns, pose| Knot { time_ns, pose, velocity, angular_velocity };
@@ -64,8 +64,8 @@ impl Driver for TampingDriver {
             motions.push(MotionInput { body, waveform, allow_jump: false });
         });
         let mut loads = Vec::new();
-        self.cycle.loads(model, now_ns, |d, load| {
-            let load = Load { force: Vec3::new(0.0, 0.0, -load), torque: Vec3::zeros() };
+        self.cycle.loads(model, now_ns, |d, force| {
+            let load = Load { force, torque: Vec3::zeros() };
             let knots =
                 vec![LoadKnot { time_ns: now_ns, load }, LoadKnot { time_ns: end_ns, load }];
             let waveform = LoadWaveform { is_held: true, knots };

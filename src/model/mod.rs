@@ -81,11 +81,13 @@ pub enum Role {
     Sleeper,
     /// Tine of the tamping unit.
     Tine,
+    /// Plate of a test: lid, piston, part of a shear box, vibrating wall.
+    Plate,
 }
 
 impl Role {
     /// Every role.
-    pub const ALL: [Role; 3] = [Role::Boundary, Role::Sleeper, Role::Tine];
+    pub const ALL: [Role; 4] = [Role::Boundary, Role::Sleeper, Role::Tine, Role::Plate];
 
     /// Returns the role's name in messages and files.
     pub fn name(self) -> &'static str {
@@ -93,6 +95,7 @@ impl Role {
             Role::Boundary => "boundary",
             Role::Sleeper => "sleeper",
             Role::Tine => "tine",
+            Role::Plate => "plate",
         }
     }
 }

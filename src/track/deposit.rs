@@ -2,7 +2,8 @@
 //!
 //! Reads: the plan. Writes: a bed: grains at rest, sleepers and boundaries. Cost: about a thousand
 //! steps of few iterations.
-//! Contract: the same plan gives the same bytes. Two grains never overlap when they are laid.
+//! Contract: the same plan gives the same bytes. Two grains never overlap when they are laid. Plates of the preparation stand
+//! in the box from the start, and no grain is laid below or above them.
 //!
 //! 1. *pour*: grains are laid up to a little above the sleepers' underside, and fall together;
 //! 2. *fill*: grains in the way of the sleepers are taken out, the voids that this leaves right
@@ -19,10 +20,10 @@
 use super::boundary::boundaries;
 use super::clearance::{MAX_TRIMMED_PROTRUSION, ROUNDING_TOLERANCE};
 use super::height_map::HeightMap;
+use super::plate;
 use super::pour::{self, PlacedGrain, Templates};
-
 use super::settle::{BedBuilder, DepositProgress, DepositStage, Settling};
-use super::sleeper::{sleeper, sleeper_pose};
+use super::sleeper::{block_boxes, sleeper, sleeper_pose};
 use super::subgrade;
 use super::traffic;
 use crate::error::{Error, Result};
@@ -58,10 +59,10 @@ const MAX_BED_PENETRATION: f64 = 0.05;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
 const REST_ITERATIONS: u32 = 500;
 const REST_TOLERANCE: f64 = 1.666e-4;
-/// Overlap with a sleeper that counts as none, of the grain's volume.
+/// Overlap with a sleeper or plate that counts as none, of the grain's volume.
 const TOUCH: f64 = 1e-9;
 
-/// A prepared bed: grains at rest, boundaries and sleepers, no tines.
+/// A prepared bed: grains at rest, boundaries, sleepers and the plates that stand in it; no tines.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bed {
     /// Bodies, shapes and settings.
@@ -85,6 +86,7 @@ pub fn deposit(
     let mut builder = empty_box(plan)?;
     let templates = Templates::generate(&plan.bed, &mut rng, &mut builder.model.shapes)?;
     check_count(plan, templates.mean_volume(&builder.model.shapes))?;
+    plate::place_standing(plan, &mut builder)?;
     let mut site = Site { plan, templates, rng, builder, settlements: Vec::new(), watch };
     let stages = [
         Site::pour_below,
@@ -107,13 +109,14 @@ pub fn deposit(
     Ok(Some(Bed { model, state, settlements }))
 }
 
-/// Returns the bed without grains: sleepers and boundaries before anything is poured.
+/// Returns the bed without grains: sleepers, plates and boundaries before anything is poured.
 ///
 /// # Errors
 /// As for a plan that describes no bed.
 pub fn empty_bed(plan: &Plan) -> Result<Bed> {
     check(plan)?;
     let mut builder = empty_box(plan)?;
+    plate::place_standing(plan, &mut builder)?;
     place_sleepers(plan, &mut builder)?;
     Ok(Bed { model: builder.model, state: builder.state, settlements: Vec::new() })
 }
@@ -139,8 +142,9 @@ impl Site<'_> {
         } else {
             (bed.preparation.ballast_depth + 0.5 * largest).min(bed.preparation.fill_level)
         };
-        let volume = ASSUMED_COMPACTNESS * bed.size.x * bed.size.y * level;
-        let mut height_map = pour::height_map(bed)?;
+        let mut height_map = ground(plan)?;
+        let area_share = height_map.open_share();
+        let volume = ASSUMED_COMPACTNESS * bed.size.x * bed.size.y * level * area_share;
         let (shapes, size) = (&self.builder.model.shapes, &bed.size);
         let laid =
             pour::pour(&mut height_map, &self.templates, shapes, size, volume, &mut self.rng)?;
@@ -272,6 +276,7 @@ impl Site<'_> {
     fn lay_cribs(&mut self) -> Result<Vec<PlacedGrain>> {
         let (plan, bed) = (self.plan, &self.plan.bed);
         let mut height_map = present_height_map(plan, &self.builder)?;
+        let area_share = height_map.open_share();
         let (grains, shapes) = (&self.builder.model.grains, &self.builder.model.shapes);
         let mut laid = Vec::new();
         for block in block_boxes(plan) {
@@ -284,7 +289,7 @@ impl Site<'_> {
             .map(|b| AxisBox { high: Vec3::new(b.high.x, b.high.y, b.high.z.min(filled)), ..b })
             .map(|b| b.volume())
             .sum();
-        let room = bed.size.x * bed.size.y * filled - occupied;
+        let room = bed.size.x * bed.size.y * filled * area_share - occupied;
         let present: f64 = grains.shape.iter().map(|shape| shapes[*shape as usize].volume).sum();
         let added: f64 = laid.iter().map(|g| shapes[g.shape].volume).sum();
         let lacking = ASSUMED_COMPACTNESS * room - present - added;
@@ -386,16 +391,29 @@ pub(super) fn top(shape: &Polyhedron, pose: &Pose) -> f64 {
     shape.vertices.iter().map(|v| pose.point(v).z).fold(f64::NEG_INFINITY, f64::max)
 }
 
-fn overlaps(clipper: &mut Clipper, shape: &Polyhedron, pose: &Pose, region: &AxisBox) -> bool {
+/// True if a polyhedron at `pose` reaches into a box.
+pub(super) fn overlaps(
+    clipper: &mut Clipper,
+    shape: &Polyhedron,
+    pose: &Pose,
+    region: &AxisBox,
+) -> bool {
     let p = pose.position;
     let apart =
         (0..3).any(|k| p[k] + shape.radius < region.low[k] || p[k] - shape.radius > region.high[k]);
     !apart && clipper.volume_inside(shape, pose, &region.half_spaces()) > TOUCH * shape.volume
 }
 
+/// The relief of the bed without grains: the floor, and nothing is laid below or above a plate.
+fn ground(plan: &Plan) -> Result<HeightMap> {
+    let mut height_map = pour::height_map(&plan.bed)?;
+    plate::standing_boxes(plan).for_each(|part| keep_clear(&mut height_map, &part));
+    Ok(height_map)
+}
+
 /// The relief of the grains that are there.
 fn present_height_map(plan: &Plan, builder: &BedBuilder) -> Result<HeightMap> {
-    let mut height_map = pour::height_map(&plan.bed)?;
+    let mut height_map = ground(plan)?;
     let (grains, shapes) = (&builder.model.grains, &builder.model.shapes);
     let shape = |g: usize| &shapes[grains.shape[g] as usize];
     let present = (0..grains.len()).map(|g| (shape(g), builder.state.pose(g)));
@@ -403,21 +421,9 @@ fn present_height_map(plan: &Plan, builder: &BedBuilder) -> Result<HeightMap> {
     Ok(height_map)
 }
 
-/// Nothing is laid upon a block.
+/// Nothing is laid below or upon a block.
 fn keep_clear(height_map: &mut HeightMap, block: &AxisBox) {
     height_map.forbid([block.low.x, block.low.y], [block.high.x, block.high.y]);
-}
-
-/// The blocks of all sleepers at their level, world.
-pub(super) fn block_boxes(plan: &Plan) -> impl Iterator<Item = AxisBox> + '_ {
-    let depth = plan.bed.preparation.ballast_depth;
-    plan.sleepers.iter().flat_map(move |s| {
-        s.blocks.iter().map(move |b| {
-            let middle = Vec3::new(s.centre[0], s.centre[1] + b.offset_y, depth);
-            let half = Vec3::new(0.5 * b.size.x, 0.5 * b.size.y, 0.0);
-            AxisBox { low: middle - half, high: middle + half + Vec3::z() * b.size.z }
-        })
-    })
 }
 
 fn check(plan: &Plan) -> Result<()> {

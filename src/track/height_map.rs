@@ -157,6 +157,12 @@ impl HeightMap {
         })
     }
 
+    /// Returns the share of the area where grains may be placed.
+    pub fn open_share(&self) -> f64 {
+        let open = self.height.iter().filter(|height| height.is_finite()).count();
+        open as f64 / self.height.len() as f64
+    }
+
     fn index(&self, column: i64, row: i64) -> Option<usize> {
         let inside = column >= 0
             && row >= 0

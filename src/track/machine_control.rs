@@ -187,7 +187,7 @@ pub(super) fn pairs(tines: &[TinePlan], model: &Model) -> Result<Vec<TinePair>> 
         .into_iter()
         .map(|number| {
             let of_pair = tines.iter().filter(|t| t.pair == number);
-            let tines = of_pair.map(|t| Ok((tine_index(model, &t.name)?, t.direction)));
+            let tines = of_pair.map(|t| Ok((driven_index(model, "tine", &t.name)?, t.direction)));
             Ok(TinePair { number, tines: tines.collect::<Result<_>>()? })
         })
         .collect()
@@ -198,10 +198,10 @@ pub(super) fn period_steps(plan: &TampingPlan, model: &Model) -> f64 {
     (plan.averaging() / model.stepping.h()).round().max(1.0)
 }
 
-/// Index of the tine called `name` among the driven bodies.
-pub(super) fn tine_index(model: &Model, name: &str) -> Result<usize> {
+/// Index of the body called `name`, of this kind, among the driven bodies.
+pub(super) fn driven_index(model: &Model, kind: &str, name: &str) -> Result<usize> {
     model.driven_index(name).ok_or_else(|| Error::Model {
-        place: format!("tine {name:?}"),
+        place: format!("{kind} {name:?}"),
         expected: "a driven body of this name".into(),
         found: "none".into(),
     })

@@ -5,6 +5,9 @@
 /// Share of a travel that is spent on speeding up, and again on slowing down.
 pub const RAMP: f64 = 0.2;
 
+/// Vibration periods over which an amplitude grows, and dies away again.
+const FADE_PERIODS: f64 = 3.0;
+
 /// Peak over mean speed of [`smooth_step`].
 pub const SMOOTH_STEP_PEAK: f64 = 1.875;
 /// Peak over mean speed of [`travel`].
@@ -30,6 +33,33 @@ pub fn travel(u: f64) -> f64 {
     }
     let x = u / RAMP;
     TRAVEL_PEAK * RAMP * x * x * x * (1.0 - 0.5 * x)
+}
+
+/// [`smooth_step`] from `start` on, `duration` long; at once where the duration is 0.
+pub fn ramp(t: f64, start: f64, duration: f64) -> f64 {
+    if duration > 0.0 {
+        smooth_step((t - start) / duration)
+    } else {
+        f64::from(u8::from(t >= start))
+    }
+}
+
+/// Returns the value at `t` of a sine from `begin` to `end` (s) that grows and dies away over at most `fades` (s); 0 outside.
+pub fn sine_between(
+    amplitude: f64,
+    t: f64,
+    [begin, end]: [f64; 2],
+    frequency: f64,
+    fades: [f64; 2],
+) -> f64 {
+    if t <= begin || t >= end || frequency == 0.0 {
+        return 0.0;
+    }
+    let fade = FADE_PERIODS / frequency;
+    let grown = smooth_step((t - begin) / fade.min(fades[0]));
+    let left = smooth_step((end - t) / fade.min(fades[1]));
+    let angle = std::f64::consts::TAU * frequency * (t - begin);
+    amplitude * grown * left * libm::sin(angle)
 }
 
 #[cfg(test)]

@@ -3,10 +3,13 @@
 //! SI units throughout. x runs along the track, y across it, z up; the box of the bed spans
 //! `[0, box[0]] × [0, box[1]]`, its floor is z = 0.
 
+mod plate;
+
 use crate::geometry::GrainShape;
 use crate::math::Vec3;
 use crate::model::{ContactStiffness, DrivenBody, Model, Mount, Role, Solver, Stepping};
 use crate::track::boundary::BOUNDARY_NAMES;
+pub use plate::{PlateBox, PlatePlan, PlateVibration, VectorKnot};
 use std::f64::consts::FRAC_PI_6;
 
 /// A whole scenario: the bed, what stands in it, the machine's motion, and how it is run.
@@ -20,6 +23,8 @@ pub struct Plan {
     pub sleepers: Vec<SleeperPlan>,
     /// Tines of the machine.
     pub tines: Vec<TinePlan>,
+    /// Plates in and on the bed.
+    pub plates: Vec<PlatePlan>,
     /// Motion of the machine; `None`: no tamping, the bed just rests.
     pub tamping: Option<TampingPlan>,
     /// Settings of the run and its output.
@@ -184,24 +189,27 @@ pub type FrictionPlan = PartnerValues<f64>;
 pub type StiffnessPlan = PartnerValues<ContactStiffness>;
 
 impl<T: Copy> PartnerValues<T> {
-    /// Returns the value of the contacts of grains with a driven body.
-    fn of(&self, body: &DrivenBody) -> T {
+    /// Returns the value of the contacts of grains with a driven body; `None` for a plate, which has values of the plate.
+    fn of(&self, body: &DrivenBody) -> Option<T> {
         match body.role {
             Role::Boundary => {
                 let place = BOUNDARY_NAMES.iter().position(|name| *name == body.name);
-                self.boundary[place.unwrap_or(0)]
+                Some(self.boundary[place.unwrap_or(0)])
             }
-            Role::Sleeper => self.sleeper,
-            Role::Tine => self.tine,
+            Role::Sleeper => Some(self.sleeper),
+            Role::Tine => Some(self.tine),
+            Role::Plate => None,
         }
     }
 }
 
 impl StiffnessPlan {
-    /// Sets the stiffness of all contacts of a model.
+    /// Sets the stiffness of all contacts of a model but those with plates.
     pub(super) fn apply(&self, model: &mut Model) {
         model.grain_stiffness = self.grain;
-        model.driven.iter_mut().for_each(|body| body.stiffness = self.of(body));
+        for body in &mut model.driven {
+            body.stiffness = self.of(body).unwrap_or(body.stiffness);
+        }
     }
 }
 
@@ -443,7 +451,10 @@ pub struct RunPlan {
 pub(super) fn apply_run_settings(plan: &Plan, model: &mut Model) {
     let friction = &plan.bed.friction;
     model.grain_friction = friction.grain;
-    model.driven.iter_mut().for_each(|body| body.friction = friction.of(body));
+    for body in &mut model.driven {
+        let plate = || plan.plates.iter().find(|p| p.name == body.name).map(|p| p.friction);
+        body.friction = friction.of(body).or_else(plate).unwrap_or(body.friction);
+    }
     plan.bed.stiffness.apply(model);
     model.restitution = plan.run.restitution;
     model.stepping = plan.run.stepping;

@@ -1,9 +1,10 @@
-//! The scene of a run: a prepared bed with the tines above it.
+//! The scene of a run: a prepared bed with its plates, and the tines above it.
 //!
 //! Reads: the plan, a bed. Writes: model and state at the start of the run.
 
 use super::deposit::{Bed, top};
 use super::mounting::put_on_mount;
+use super::plate;
 use super::sleeper::sleeper_pose;
 use super::tamping_cycle::start_position;
 use super::tine::tine;
@@ -12,30 +13,39 @@ use crate::integrate;
 use crate::math::{Pose, Vec3};
 use crate::model::{DrivenBody, Model};
 use crate::state::State;
-use crate::track::plan::{Plan, SleeperPlan, TinePlan, apply_run_settings};
+use crate::track::plan::{Plan, TinePlan, apply_run_settings};
 use std::sync::Arc;
 
-/// The model of a run and its start: the bed, and the tines clear above it.
+/// The model of a run and its start: the bed, plates in it or on it, and the tines clear above it.
 ///
 /// # Errors
-/// A bed that was prepared for other sleepers than the plan's, that holds the tines already, or that
-/// reaches up to them.
+/// A bed that was prepared for other sleepers or plates than the plan's, that holds the tines already, or that
+/// reaches up to them; plates that start in grains or other bodies.
 pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     let Bed { mut model, mut state, .. } = bed;
     for s in &plan.sleepers {
-        let index = check_sleeper(plan, s, &model, &state)?;
+        let place = (format!("sleeper {:?}", s.name), &s.name[..], sleeper_pose(plan, s).position);
+        let index = check_standing(place, &model, &state)?;
         if let Some(mount) = s.mount {
             put_on_mount(&mut model, &mut state, index, mount);
         }
     }
-    for t in &plan.tines {
-        if model.driven_index(&t.name).is_some() {
-            return Err(Error::Model {
-                place: format!("tine {:?}", t.name),
-                expected: "a name that no body of the bed has".into(),
-                found: "a body of this name".into(),
-            });
+    for p in plan.plates.iter().filter(|p| p.in_preparation) {
+        let place = (format!("plate {:?}", p.name), &p.name[..], plate::planned_position(p));
+        let index = check_standing(place, &model, &state)?;
+        plate::check_bodies(p, plate::planned_position(p), &model, &state)?;
+        if let Some(mount) = p.mount {
+            put_on_mount(&mut model, &mut state, index, mount);
         }
+    }
+    for p in plan.plates.iter().filter(|p| !p.in_preparation) {
+        check_new(&format!("plate {:?}", p.name), &p.name, &model)?;
+        let pose = plate::start_pose(p, &model, &state)?;
+        let body = plate::plate(p, p.friction, &mut model.shapes)?;
+        add(&mut model, &mut state, DrivenBody { mount: p.mount, ..body }, pose);
+    }
+    for t in &plan.tines {
+        check_new(&format!("tine {:?}", t.name), &t.name, &model)?;
         check_clear(t, start_position(plan, t), &model, &state)?;
         let body = tine(t, plan.bed.friction.tine, &mut model.shapes)?;
         add(&mut model, &mut state, body, Pose::at(start_position(plan, t)));
@@ -91,20 +101,32 @@ fn check_clear(tine: &TinePlan, at: Vec3, model: &Model, state: &State) -> Resul
     })
 }
 
-/// The sleeper's place among the driven bodies.
-fn check_sleeper(plan: &Plan, s: &SleeperPlan, model: &Model, state: &State) -> Result<usize> {
+/// Refuses a body whose name the bed has already.
+fn check_new(place: &str, name: &str, model: &Model) -> Result<()> {
+    if model.driven_index(name).is_none() {
+        return Ok(());
+    }
+    Err(Error::Model {
+        place: place.into(),
+        expected: "a name that no body of the bed has".into(),
+        found: "a body of this name".into(),
+    })
+}
+
+/// Number among the driven bodies of a body of the bed, given by its kind and name, its name and its position (m).
+fn check_standing(
+    (place, name, expected): (String, &str, Vec3),
+    model: &Model,
+    state: &State,
+) -> Result<usize> {
     let refused = |found: String| {
-        Err(Error::Model {
-            place: format!("sleeper {:?}", s.name),
-            expected: "a bed that was prepared for it".into(),
-            found,
-        })
+        let expected = "a bed that was prepared for it".into();
+        Err(Error::Model { place, expected, found })
     };
-    let Some(index) = model.driven_index(&s.name) else {
+    let Some(index) = model.driven_index(name) else {
         return refused("no body of this name in the bed".into());
     };
     let found = state.position[model.grains.len() + index];
-    let expected = sleeper_pose(plan, s).position;
     if (found - expected).norm() > 1e-6 {
         return refused(format!("it stands at {:?} m", found.as_slice()));
     }

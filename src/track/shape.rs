@@ -1,9 +1,9 @@
-//! Cuboid parts of driven bodies.
+//! Cuboid parts of driven bodies, and their mass.
 
 use crate::error::{Error, Result};
 use crate::geometry::{self, Polyhedron};
 use crate::math::{Pose, Vec3};
-use crate::model::Part;
+use crate::model::{DofMode, Mount, Part};
 
 /// `size` if its edges are finite and positive, else an error that names the place.
 pub(super) fn solid(size: &Vec3, place: impl Fn() -> String) -> Result<Vec3> {
@@ -27,6 +27,30 @@ pub(super) fn cuboid(shapes: &mut Vec<Polyhedron>, size: &Vec3, centre: Vec3) ->
         shapes.len() - 1
     });
     Ok(Part::Convex { shape: index as u32, pose: Pose::at(centre) })
+}
+
+/// Mount of a body of cuboids, given by their middles and sizes (m), of one density (kg/m³) or, if it is given, one mass (kg).
+///
+/// Moments of inertia are those about the body's axes: products of inertia are left out.
+pub(super) fn cuboid_mount(
+    cuboids: &[(Vec3, Vec3)],
+    density: f64,
+    mass: Option<f64>,
+    freedoms: [DofMode; 6],
+) -> Mount {
+    let volume: f64 = cuboids.iter().map(|(_, size)| size.product()).sum();
+    let mass = mass.unwrap_or(density * volume);
+    let shares =
+        || cuboids.iter().map(|(middle, size)| (mass * size.product() / volume, middle, size));
+    let centre = shares().map(|(m, middle, _)| middle * m).sum::<Vec3>() / mass;
+    let inertia = shares()
+        .map(|(m, middle, size)| {
+            let (square, arm) = (size.component_mul(size), middle - centre);
+            let arm = arm.component_mul(&arm);
+            (Vec3::repeat(square.sum()) - square) * (m / 12.0) + (Vec3::repeat(arm.sum()) - arm) * m
+        })
+        .sum();
+    Mount { mass, inertia, centre, dof_modes: freedoms }
 }
 
 #[cfg(test)]

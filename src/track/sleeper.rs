@@ -3,9 +3,9 @@
 //! Reads: a sleeper's plan. Writes: the body, and its shapes if the model does not have them yet.
 //! Contract: the body's origin, to which its wrench refers, is the centre of the underside.
 
-use super::shape::{cuboid, solid};
+use super::shape::{cuboid, cuboid_mount, solid};
 use crate::error::{Error, Result};
-use crate::geometry::Polyhedron;
+use crate::geometry::{AxisBox, Polyhedron};
 use crate::math::{Pose, Vec3};
 use crate::model::{ContactStiffness, DofMode, DrivenBody, Mount, Role};
 use crate::track::plan::{BlockPlan, Plan, SleeperPlan};
@@ -47,6 +47,18 @@ pub fn sleeper(
     })
 }
 
+/// The blocks of all sleepers at their level, world.
+pub(super) fn block_boxes(plan: &Plan) -> impl Iterator<Item = AxisBox> + '_ {
+    let depth = plan.bed.preparation.ballast_depth;
+    plan.sleepers.iter().flat_map(move |s| {
+        s.blocks.iter().map(move |b| {
+            let middle = Vec3::new(s.centre[0], s.centre[1] + b.offset_y, depth);
+            let half = Vec3::new(0.5 * b.size.x, 0.5 * b.size.y, 0.0);
+            AxisBox { low: middle - half, high: middle + half + Vec3::z() * b.size.z }
+        })
+    })
+}
+
 /// Density of reinforced concrete, kg/m³.
 pub(crate) const CONCRETE: f64 = 2400.0;
 
@@ -55,19 +67,8 @@ pub(crate) const CONCRETE: f64 = 2400.0;
 /// Moments of inertia are those about the body's axes: products of inertia, which blocks of different sizes
 /// have, are left out.
 pub fn sleeper_mount(blocks: &[BlockPlan], mass: Option<f64>, freedoms: [DofMode; 6]) -> Mount {
-    let volume: f64 = blocks.iter().map(|b| b.size.product()).sum();
-    let mass = mass.unwrap_or(CONCRETE * volume);
-    let shares = || blocks.iter().map(|b| (mass * b.size.product() / volume, b));
-    let middle = |b: &BlockPlan| Vec3::new(0.0, b.offset_y, 0.5 * b.size.z);
-    let centre = shares().map(|(m, b)| middle(b) * m).sum::<Vec3>() / mass;
-    let inertia = shares()
-        .map(|(m, b)| {
-            let (square, arm) = (b.size.component_mul(&b.size), middle(b) - centre);
-            let arm = arm.component_mul(&arm);
-            (Vec3::repeat(square.sum()) - square) * (m / 12.0) + (Vec3::repeat(arm.sum()) - arm) * m
-        })
-        .sum();
-    Mount { mass, inertia, centre, dof_modes: freedoms }
+    let cuboids = blocks.iter().map(|b| (Vec3::new(0.0, b.offset_y, 0.5 * b.size.z), b.size));
+    cuboid_mount(&cuboids.collect::<Vec<_>>(), CONCRETE, mass, freedoms)
 }
 
 #[cfg(test)]

@@ -1,23 +1,23 @@
-//! The machine's motion: lift, insertion, squeeze, hold, withdrawal, release of the sleepers; then traffic.
+//! The machine's motion: lift, insertion, squeeze, hold, withdrawal, release of the sleepers; then traffic. Beside it the
+//! plates, which have motions and loads of the case too.
 //!
 //! Reads: plan, model, state; reactions of the tines. Writes: targets of the driven bodies, and the
 //! [`TampingState`].
-//! Contract: positions and velocities are continuous through the whole cycle. Targets are rigid translations; a tine on
+//! Contract: positions are continuous, and velocities of tines and sleepers too. Targets are rigid translations; a tine on
 //! a springy shaft follows its target as its mount lets it (T-28).
 
 use super::clearance::{self, MAX_PROTRUSION};
-use super::machine_control::{MachineControl, TampingState, TinePair, tine_index};
-use super::motion_law::{smooth_step, travel};
+use super::machine_control::{MachineControl, TampingState, TinePair, driven_index};
+use super::motion_law::{ramp, sine_between, travel};
+use super::plate::check_program;
 use crate::error::{Error, Result};
 use crate::math::{Pose, Vec3};
 use crate::model::check::expect;
 use crate::model::{DofMode, Model};
 use crate::state::{DriverState, State};
 use crate::step::StepReport;
-use crate::track::plan::{LoadCycles, Plan, SleeperPlan, TampingPlan};
+use crate::track::plan::{LoadCycles, Plan, PlatePlan, SleeperPlan, TampingPlan};
 
-/// Vibration periods over which the amplitude grows, and dies away again.
-const FADE_PERIODS: f64 = 3.0;
 /// Least clearance of tines without a cycle, m: that of the cases that have one and do not say it.
 const IDLE_CLEARANCE: f64 = 0.02;
 /// Fewer steps per period of the vibration would alias the sine into another motion.
@@ -81,11 +81,13 @@ impl TampingPhase {
     }
 }
 
-/// A tamping cycle over the driven bodies of a model.
+/// A tamping cycle over the driven bodies of a model, with the motions and loads of plates.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TampingCycle {
-    /// `None`: nothing moves.
+    /// `None`: neither tines nor sleepers move.
     machine: Option<Machine>,
+    /// Plates with a motion or a load, and their indices among the driven bodies.
+    plates: Vec<(usize, PlatePlan)>,
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -128,13 +130,14 @@ impl TampingCycle {
     /// Version of the encoded state.
     const VERSION: u32 = 1;
 
-    /// The cycle of `plan` for a model that holds the plan's sleepers and tines.
+    /// The cycle of `plan` for a model that holds the plan's sleepers, tines and plates.
     ///
     /// # Errors
-    /// Times, speeds or forces that are no cycle; tines or sleepers that the model does not have;
+    /// Times, speeds or forces that are no cycle; bodies that the model does not have;
     /// tines that would meet a sleeper or a wall on their way.
     pub fn new(plan: &Plan, model: &Model) -> Result<Self> {
-        let Some(tamping) = plan.tamping else { return Ok(Self { machine: None }) };
+        let plates = driven_plates(plan, model)?;
+        let Some(tamping) = plan.tamping else { return Ok(Self { machine: None, plates }) };
         check_numbers(&tamping)?;
         check_period(plan, &tamping, model)?;
         clearance::check(plan, &tamping)?;
@@ -149,6 +152,7 @@ impl TampingCycle {
                 tines,
                 control,
             }),
+            plates,
         })
     }
 
@@ -165,22 +169,26 @@ impl TampingCycle {
     ) {
         out.clear();
         out.extend((0..model.driven.len()).map(|d| state.imposed(model, d)));
-        self.positions(model, state.time_ns, tamping, |body, position| {
-            out[body].position = position;
-        });
+        self.positions(model, state, tamping, |body, position| out[body].position = position);
     }
 
     /// Calls `set` for each body that the cycle moves, with its index among the driven bodies and its position (m) at
-    /// the end of the step that starts at `time_ns`.
+    /// the end of the step that starts at `state`.
     pub fn positions(
         &self,
         model: &Model,
-        time_ns: u64,
+        state: &State,
         tamping: &TampingState,
         mut set: impl FnMut(usize, Vec3),
     ) {
+        let end_ns = state.time_ns + model.stepping.step_ns;
+        for (body, plate) in self.plates.iter().filter(|(_, plate)| plate.is_moved()) {
+            // From where it is: a plate without a height of the plan has been lowered onto the grains.
+            let way = plate.displacement(end_ns) - plate.displacement(state.time_ns);
+            set(*body, state.imposed(model, *body).position + way);
+        }
         let Some(machine) = &self.machine else { return };
-        let end = clock(time_ns + model.stepping.step_ns);
+        let end = clock(end_ns);
         let lift = machine.lift(end);
         for sleeper in &machine.sleepers {
             set(sleeper.body, sleeper.rest + Vec3::z() * lift);
@@ -194,14 +202,19 @@ impl TampingCycle {
         }
     }
 
-    /// Calls `set` for each sleeper that carries traffic in the step that starts at `time_ns`, with its index among the
-    /// driven bodies and its load (N, downwards).
-    pub fn loads(&self, model: &Model, time_ns: u64, mut set: impl FnMut(usize, f64)) {
+    /// Calls `set` for each plate with a load and each sleeper that carries traffic in the step that starts at `time_ns`, with
+    /// its index among the driven bodies and the force on it (N).
+    pub fn loads(&self, model: &Model, time_ns: u64, mut set: impl FnMut(usize, Vec3)) {
+        let middle_ns = time_ns + model.stepping.step_ns / 2;
+        for (body, plate) in self.plates.iter().filter(|(_, plate)| !plate.load.is_empty()) {
+            set(*body, plate.force(middle_ns));
+        }
         let Some(machine) = &self.machine else { return };
         let Some(traffic) = &machine.plan.traffic else { return };
-        let load = traffic.load(clock(time_ns + model.stepping.step_ns / 2) - machine.ends[5]);
+        let load = traffic.load(clock(middle_ns) - machine.ends[5]);
         if load > 0.0 {
-            machine.sleepers.iter().for_each(|sleeper| set(sleeper.body, load));
+            let force = Vec3::new(0.0, 0.0, -load);
+            machine.sleepers.iter().for_each(|sleeper| set(sleeper.body, force));
         }
     }
 
@@ -332,27 +345,8 @@ impl Machine {
     /// directions, so they move in opposition.
     fn vibration(&self, t: f64) -> f64 {
         let [begin, inserted, _, held, end, ..] = self.ends;
-        if t <= begin || t >= end {
-            return 0.0;
-        }
         let v = &self.plan.vibration;
-        if v.frequency == 0.0 {
-            return 0.0;
-        }
-        let fade = FADE_PERIODS / v.frequency;
-        let grown = smooth_step((t - begin) / fade.min(inserted - begin));
-        let left = smooth_step((end - t) / fade.min(end - held));
-        let angle = std::f64::consts::TAU * v.frequency * (t - begin);
-        v.amplitude * grown * left * libm::sin(angle)
-    }
-}
-
-/// [`smooth_step`] from `start` on, `duration` long; at once where the duration is 0.
-fn ramp(t: f64, start: f64, duration: f64) -> f64 {
-    if duration > 0.0 {
-        smooth_step((t - start) / duration)
-    } else {
-        f64::from(u8::from(t >= start))
+        sine_between(v.amplitude, t, [begin, end], v.frequency, [inserted - begin, end - held])
     }
 }
 
@@ -366,7 +360,7 @@ fn driven_tines(
     let tine = |tine: &crate::track::plan::TinePlan| {
         let pair = control.pairs.iter().position(|p| p.number == tine.pair);
         Ok(TinePath {
-            body: tine_index(model, &tine.name)?,
+            body: driven_index(model, "tine", &tine.name)?,
             // Pairs are made from these very tines.
             pair: pair.unwrap_or_default(),
             direction: tine.direction,
@@ -376,6 +370,15 @@ fn driven_tines(
         })
     };
     plan.tines.iter().map(tine).collect()
+}
+
+fn driven_plates(plan: &Plan, model: &Model) -> Result<Vec<(usize, PlatePlan)>> {
+    let moved = plan.plates.iter().filter(|p| p.is_moved() || !p.load.is_empty());
+    let driven = moved.map(|p| {
+        check_program(p)?;
+        Ok((driven_index(model, "plate", &p.name)?, p.clone()))
+    });
+    driven.collect()
 }
 
 /// Returns the position of a tine's reference point before the cycle, with its blade clear of the bed, m.
@@ -390,11 +393,7 @@ pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 
 fn lifted_sleepers(plan: &Plan, model: &Model) -> Result<Vec<Lifted>> {
     let depth = plan.bed.preparation.ballast_depth;
     let lifted = |s: &SleeperPlan| {
-        let body = model.driven_index(&s.name).ok_or_else(|| Error::Model {
-            place: format!("sleeper {:?}", s.name),
-            expected: "a driven body of this name".into(),
-            found: "none".into(),
-        })?;
+        let body = driven_index(model, "sleeper", &s.name)?;
         check_loadable(plan, s, model, body)?;
         Ok(Lifted { body, rest: Vec3::new(s.centre[0], s.centre[1], depth) })
     };

@@ -56,6 +56,7 @@ pub fn small_plan() -> Plan {
             mount: None,
         }],
         tines: vec![tine("left", 0.05, 1.0), tine("right", 0.55, -1.0)],
+        plates: vec![],
         tamping: Some(TampingPlan {
             start: 0.05,
             lift: LiftPlan { height: 0.02, duration: 0.2 },

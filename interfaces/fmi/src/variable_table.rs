@@ -144,6 +144,7 @@ impl VariableTable {
         let point = match body.role {
             Role::Tine => "middle of the upper edge of the blade",
             Role::Sleeper => "centre of the underside",
+            Role::Plate => "reference point of the boxes",
             Role::Boundary => "origin",
         };
         let name = identifier(&body.name);
@@ -188,7 +189,7 @@ impl VariableTable {
             self.add(name(leaf), (quantity, Input, Real), unit, description, start);
         }
         if let Some(mount) = &body.mount {
-            if body.role == Role::Sleeper || mount.dof_modes.contains(&DofMode::Free) {
+            if body.role != Role::Tine || mount.dof_modes.contains(&DofMode::Free) {
                 let load = format!(
                     "on the body besides its weight, {axes}, about the {point}; acts along free and spring degrees of freedom"
                 );

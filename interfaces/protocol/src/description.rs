@@ -70,7 +70,7 @@ pub struct ContinuityTolerance {
 pub struct BodyDescription {
     /// Name of the body.
     pub name: String,
-    /// Role of the body: `tine`, `sleeper` or `boundary`.
+    /// Role of the body: `tine`, `sleeper`, `plate` or `boundary`.
     pub role: String,
     /// Modes of x, y, z and of the rotations about them: `prescribed`, `free` or `spring`.
     pub dof_modes: [String; 6],

@@ -76,14 +76,14 @@ pub fn scene(model: &Model, state: &State, forces: &[Vec3]) -> SceneUpdate {
     scene
 }
 
-/// Returns polyhedra of tines and sleepers with their `forces` as in [`scene`]; viewers keep the grains that they have.
+/// Returns polyhedra of tines, sleepers and plates with their `forces` as in [`scene`]; viewers keep the grains that they have.
 pub fn bodies(model: &Model, state: &State, forces: &[Vec3]) -> SceneUpdate {
     let ng = model.grains.len();
     let mut entities = Vec::new();
     for (d, body) in model.driven.iter().enumerate() {
         let color = match body.role {
             Role::Boundary => continue,
-            Role::Sleeper => SLEEPER,
+            Role::Sleeper | Role::Plate => SLEEPER,
             Role::Tine => TINE,
         };
         let mut mesh = Mesh::default();

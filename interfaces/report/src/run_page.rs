@@ -241,15 +241,21 @@ fn compactness(source: &ReportSource, page: &mut HtmlPage) {
 fn forces(source: &ReportSource, squeezes: &[SqueezeOutcome], page: &mut HtmlPage) {
     let bands = charts::phases(&source.rows);
     let has = |role| source.summary.settings().tracked.iter().any(|f| f.role == role);
-    if !has(Role::Tine) && !has(Role::Sleeper) {
+    if source.summary.settings().tracked.is_empty() {
         return;
     }
-    page.heading("Forces of the ballast on tines and sleepers");
-    if has(Role::Tine) {
-        page.figure(&charts::forces(source, Role::Tine, "Force on tines", &bands).svg());
-    }
-    if has(Role::Sleeper) {
-        page.figure(&charts::forces(source, Role::Sleeper, "Force on sleepers", &bands).svg());
+    page.heading(match has(Role::Plate) {
+        true => "Forces of the ballast on driven bodies",
+        false => "Forces of the ballast on tines and sleepers",
+    });
+    for (role, title) in [
+        (Role::Tine, "Force on tines"),
+        (Role::Sleeper, "Force on sleepers"),
+        (Role::Plate, "Force on plates"),
+    ] {
+        if has(role) {
+            page.figure(&charts::forces(source, role, title, &bands).svg());
+        }
     }
     page.note(&match charts::force_window(source) {
         1 if period(source) == 1 => "Force magnitude of each step.".into(),
@@ -277,7 +283,7 @@ fn forces(source: &ReportSource, squeezes: &[SqueezeOutcome], page: &mut HtmlPag
              vibration. Onset: first time with a mean force of a side above {MIN_CONTACT_FORCE} N."
         ));
     }
-    for table in &summary_text::tables(&source.summary)[2..4] {
+    for table in &summary_text::tables(&source.summary)[2..5] {
         page.table(table);
     }
 }
@@ -316,7 +322,7 @@ fn quality(source: &ReportSource, page: &mut HtmlPage) {
     page.figure(&charts::penetration(source, &bands).svg());
     page.figure(&charts::residual(source, &bands).svg());
     page.figure(&charts::iterations(source, &bands).svg());
-    page.table(&summary_text::tables(&source.summary)[5]);
+    page.table(&summary_text::tables(&source.summary)[6]);
 }
 
 fn energy(source: &ReportSource, page: &mut HtmlPage) {
@@ -325,7 +331,7 @@ fn energy(source: &ReportSource, page: &mut HtmlPage) {
     for chart in charts::energy(source, &bands) {
         page.figure(&chart.svg());
     }
-    page.table(&summary_text::tables(&source.summary)[4]);
+    page.table(&summary_text::tables(&source.summary)[5]);
     page.note("Balance error: energy that the ledger leaves unaccounted for; zero for an exact integrator.");
 }
 

@@ -60,7 +60,7 @@ impl SectionPicture<'_> {
         for (d, body) in model.driven.iter().enumerate() {
             let class = match body.role {
                 Role::Tine => "tool",
-                Role::Sleeper => "block",
+                Role::Sleeper | Role::Plate => "block",
                 Role::Boundary => continue,
             };
             let before = outlines.len();

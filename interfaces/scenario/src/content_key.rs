@@ -1,14 +1,15 @@
 //! Content key of a prepared bed: equal keys mean equal beds.
 //!
-//! The key is a hash of everything that the preparation reads: the bed and its preparation, the sleepers, and the
-//! stepping of the run, with which the last settling runs. Fields are hashed one by one, so the key does not depend on
+//! The key is a hash of everything that the preparation reads: the bed and its preparation, the sleepers, the plates that
+//! stand in the bed while it is prepared, and the stepping of the run, with which the last settling runs. Fields are hashed one by one, so the key does not depend on
 //! names or other formats.
 
 use ballast::geometry::GrainShape;
 use ballast::model::{ContactStiffness, Stepping};
 use ballast::track::plan::{
-    BedPlan, BlockPlan, FrictionPlan, GrainPlan, LoadCycles, Plan, PreparationPlan, RunPlan,
-    SieveFraction, SizeClass, SleeperPlan, StiffnessPlan, SubgradePlan, TrafficPlan,
+    BedPlan, BlockPlan, FrictionPlan, GrainPlan, LoadCycles, Plan, PlateBox, PlatePlan,
+    PreparationPlan, RunPlan, SieveFraction, SizeClass, SleeperPlan, StiffnessPlan, SubgradePlan,
+    TrafficPlan,
 };
 
 /// Version of the preparation, raised when the same plan gives another bed: old keys then match no bed.
@@ -16,7 +17,7 @@ const VERSION: u64 = 17;
 
 /// Returns the 128-bit content key of the bed of `plan` as 32 hexadecimal digits.
 ///
-/// It does not depend on tines, tamping, duration, solver, output and the choice of tamped sleepers. It depends on the
+/// It does not depend on tines, plates of the run, tamping, duration, solver, output and the choice of tamped sleepers. It depends on the
 /// time step, with which the last settling runs.
 pub fn content_key(plan: &Plan) -> String {
     let mut hasher = ContentHasher::new();
@@ -30,6 +31,7 @@ pub fn content_key(plan: &Plan) -> String {
     if let Some(traffic) = &plan.bed.traffic {
         hasher.traffic(traffic, &plan.sleepers);
     }
+    plan.plates.iter().filter(|p| p.in_preparation).for_each(|p| hasher.plate(p));
     format!("{:032x}", hasher.hash)
 }
 
@@ -174,6 +176,30 @@ impl ContentHasher {
         } = run;
         self.integer(*step_ns);
         self.numbers([theta, alert, restitution]);
+    }
+
+    fn plate(&mut self, plate: &PlatePlan) {
+        let PlatePlan {
+            name,
+            position,
+            z,
+            boxes,
+            friction,
+            stiffness,
+            mount: _,
+            in_preparation: _,
+            motion: _,
+            vibration: _,
+            load: _,
+        } = plate;
+        self.integer(name.len() as u64);
+        self.bytes(name.as_bytes());
+        self.numbers(position.iter().chain(z).chain([friction]));
+        self.contact_stiffness(stiffness);
+        self.integer(boxes.len() as u64);
+        for PlateBox { offset, size } in boxes {
+            self.numbers(offset.iter().chain(size.iter()));
+        }
     }
 
     fn sleeper(&mut self, sleeper: &SleeperPlan) {

@@ -1,22 +1,24 @@
-//! Expansion of rows of sleepers and tines to single bodies, each with the keys that define it.
+//! Expansion of rows of sleepers and tines to single bodies, and plates, each with the keys that define it.
 
 use crate::case_file::{
     BlockSection, CaseFile, SleeperSection, SqueezeDirection, TineRows, TineSection,
 };
 use crate::diagnostic::DiagnosticText;
 use crate::mount;
+use crate::plate;
 use crate::report::DiagnosticReport;
 use ballast::math::Vec3;
-use ballast::track::plan::{BlockPlan, SleeperPlan, TinePlan};
+use ballast::track::plan::{BlockPlan, PlatePlan, SleeperPlan, TinePlan};
 
-/// Sleepers and tines of a case.
+/// Sleepers, tines and plates of a case.
 #[derive(Default)]
 pub struct Layout {
     pub sleepers: Vec<PlacedBody<SleeperPlan>>,
     pub tines: Vec<PlacedBody<TinePlan>>,
+    pub plates: Vec<PlacedBody<PlatePlan>>,
 }
 
-/// Sleeper or tine with the paths of the keys that define its position.
+/// Sleeper, tine or plate with the paths of the keys that define its position.
 pub struct PlacedBody<T> {
     pub plan: T,
     /// Path of its section.
@@ -25,19 +27,20 @@ pub struct PlacedBody<T> {
     pub key_y: String,
 }
 
-/// Maximum number of sleepers and tines: far more than any machine has, few enough to compare all pairs.
+/// Maximum number of sleepers, tines and plates: far more than any machine has, few enough to compare all pairs.
 const MAX_BODIES: usize = 2000;
 
 impl Layout {
-    /// Creates the sleepers and tines of `case`; reports rows and mounts with errors.
+    /// Creates the bodies of `case`; reports rows and mounts with errors.
     pub fn of(case: &CaseFile, report: &mut DiagnosticReport) -> Self {
         let mut layout = Self::default();
-        if !report.is_clean(&["bed.size_m", "sleepers", "sleeper", "tines", "tine"]) {
+        if !report.is_clean(&["bed.size_m", "sleepers", "sleeper", "tines", "tine", "plate"]) {
             return layout;
         }
-        let single = case.sleeper.len() + case.tine.len();
+        let single = case.sleeper.len() + case.tine.len() + case.plate.len();
         if single > MAX_BODIES {
-            let key = if case.tine.is_empty() { "sleeper" } else { "tine" };
+            let lists = [("plate", case.plate.len()), ("tine", case.tine.len())];
+            let key = lists.iter().find(|(_, count)| *count > 0).map_or("sleeper", |(key, _)| key);
             too_many(report, key, single);
             return layout;
         }
@@ -47,7 +50,8 @@ impl Layout {
         }
         let tamped = layout.sleepers.iter().filter(|s| s.plan.tamped).count();
         let tines_per_sleeper = case.tines.as_ref().map_or(0, |tines| 2 * tines.y_offsets_m.len());
-        let count = layout.sleepers.len() + tamped * tines_per_sleeper + case.tine.len();
+        let count =
+            layout.sleepers.len() + tamped * tines_per_sleeper + case.tine.len() + case.plate.len();
         if count > MAX_BODIES {
             let key = if case.tines.is_some() { "tines" } else { "sleepers" };
             too_many(report, key, count);
@@ -58,13 +62,15 @@ impl Layout {
         }
         let single = case.tine.iter().enumerate().map(|(i, tine)| single_tine(i, tine, report));
         layout.tines.extend(single);
+        let plates = case.plate.iter().enumerate().map(|(i, p)| plate::placed(i, p, case, report));
+        layout.plates.extend(plates);
         layout
     }
 }
 
 fn too_many(report: &mut DiagnosticReport, key: &str, count: usize) {
     let text = DiagnosticText {
-        problem: "too many sleepers and tines".into(),
+        problem: "too many sleepers, tines and plates".into(),
         found: count.to_string(),
         expected: format!("at most {MAX_BODIES} together"),
         hint: None,

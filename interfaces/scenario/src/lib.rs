@@ -12,6 +12,7 @@ mod mount;
 mod nearest;
 mod notation;
 mod overrides;
+mod plate;
 mod read_case;
 mod read_text;
 #[cfg(test)]

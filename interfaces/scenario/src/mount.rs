@@ -1,11 +1,11 @@
-//! Mounts of tines and sleepers.
+//! Mounts of tines, sleepers and plates.
 
-use crate::case_file::{self, DofModeName, SleeperMountSection};
+use crate::case_file::{self, DofModeName, MountSection};
 use crate::diagnostic::DiagnosticText;
 use crate::report::DiagnosticReport;
 use ballast::math::Vec3;
 use ballast::model::{DofMode, Mount};
-use ballast::track::plan::BlockPlan;
+use ballast::track::plan::{BlockPlan, PlateBox};
 use ballast::track::{self, steel_cantilever};
 
 /// Returns the mount of a tine, whose section is at `key`. Absent values are those of a steel tine of these sizes.
@@ -53,9 +53,42 @@ fn warn_unused<'n>(
 
 /// Returns the mount of a sleeper of these blocks, whose section is at `key`; `None` if it is invalid.
 pub fn sleeper_mount(
-    case: &SleeperMountSection,
+    case: &MountSection,
     blocks: &[BlockPlan],
     is_lifted: bool,
+    key: &str,
+    report: &mut DiagnosticReport,
+) -> Option<Mount> {
+    if is_lifted && case.z == DofModeName::Free {
+        let text = DiagnosticText {
+            problem: "the lift cannot move a sleeper that is free in z".into(),
+            found: "`z = \"free\"` and a tamped sleeper".into(),
+            expected: "`z = \"prescribed\"` or `\"spring\"`, or a sleeper that is not tamped"
+                .into(),
+            hint: None,
+        };
+        report.error(&format!("{key}.z"), text);
+        return None;
+    }
+    let build = |mass, dof_modes| track::sleeper_mount(blocks, mass, dof_modes);
+    mount_with_modes(case, build, key, report)
+}
+
+/// Returns the mount of a plate of these boxes, whose section is at `key`; `None` if it is invalid.
+pub fn plate_mount(
+    case: &MountSection,
+    boxes: &[PlateBox],
+    key: &str,
+    report: &mut DiagnosticReport,
+) -> Option<Mount> {
+    let build = |mass, dof_modes| track::plate_mount(boxes, mass, dof_modes);
+    mount_with_modes(case, build, key, report)
+}
+
+/// Returns the mount that `build` makes of mass and modes of a section at `key`; `None` if it is invalid.
+fn mount_with_modes(
+    case: &MountSection,
+    build: impl FnOnce(Option<f64>, [DofMode; 6]) -> Mount,
     key: &str,
     report: &mut DiagnosticReport,
 ) -> Option<Mount> {
@@ -86,17 +119,6 @@ pub fn sleeper_mount(
             return None;
         }
     }
-    if is_lifted && case.z == DofModeName::Free {
-        let text = DiagnosticText {
-            problem: "the lift cannot move a sleeper that is free in z".into(),
-            found: "`z = \"free\"` and a tamped sleeper".into(),
-            expected: "`z = \"prescribed\"` or `\"spring\"`, or a sleeper that is not tamped"
-                .into(),
-            hint: None,
-        };
-        report.error(&format!("{key}.z"), text);
-        return None;
-    }
     let freedom = |(k, mode): (usize, DofModeName)| {
         let (_, _, stiffness, damping) = springs[k / 3];
         match mode {
@@ -107,7 +129,7 @@ pub fn sleeper_mount(
     };
     let mut freedoms = [DofMode::Prescribed; 6];
     modes.into_iter().enumerate().for_each(|m| freedoms[m.0] = freedom(m));
-    let mount = track::sleeper_mount(blocks, case.mass_kg, freedoms);
+    let mount = build(case.mass_kg, freedoms);
     let free = mount.free_dofs().count();
     if free == 0 || (free > 3 && !mount.has_isotropic_translations()) {
         let text = DiagnosticText {

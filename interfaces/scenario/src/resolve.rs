@@ -24,12 +24,14 @@ pub fn resolve(case: &CaseFile, report: &mut DiagnosticReport) -> Plan {
     check::names(case, &layout, report);
     check::collisions(&layout, [x, y], tamping.as_ref(), report);
     check::machine(tamping.as_ref(), &bed, &layout, &run, report);
+    check::plates(tamping.as_ref(), &bed, &layout, &run, report);
     check::plausibility(case, &layout, tamping.as_ref(), report);
     Plan {
         name: case.name.clone(),
         bed,
         sleepers: layout.sleepers.into_iter().map(|s| s.plan).collect(),
         tines: layout.tines.into_iter().map(|t| t.plan).collect(),
+        plates: layout.plates.into_iter().map(|p| p.plan).collect(),
         tamping,
         run,
     }
@@ -67,19 +69,27 @@ fn stiffness(
     stiffness: &case_file::StiffnessSection,
     walls: &case_file::WallsSection,
 ) -> StiffnessPlan {
-    let of = |normal: Option<f64>| match normal.or(stiffness.grain) {
+    let of = |normal: Option<f64>| contact_stiffness(stiffness, normal);
+    StiffnessPlan {
+        grain: of(None),
+        sleeper: of(stiffness.sleeper),
+        tine: of(stiffness.tine),
+        boundary: walls.by_name().map(|(_, wall)| of(wall.stiffness.or(stiffness.boundary))),
+    }
+}
+
+/// Returns the stiffness of contacts with this normal stiffness, N/m; that between grains if it is absent.
+pub fn contact_stiffness(
+    stiffness: &case_file::StiffnessSection,
+    normal: Option<f64>,
+) -> ContactStiffness {
+    match normal.or(stiffness.grain) {
         None | Some(f64::INFINITY) => ContactStiffness::RIGID,
         Some(normal) => ContactStiffness {
             normal,
             tangential_ratio: stiffness.tangential_ratio,
             damping_time: stiffness.damping_s,
         },
-    };
-    StiffnessPlan {
-        grain: of(None),
-        sleeper: of(stiffness.sleeper),
-        tine: of(stiffness.tine),
-        boundary: walls.by_name().map(|(_, wall)| of(wall.stiffness.or(stiffness.boundary))),
     }
 }
 

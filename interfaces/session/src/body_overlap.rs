@@ -9,7 +9,7 @@ use ballast::state::State;
 /// Overlap that is not reported, m: accuracy of recorded poses.
 const OVERLAP_TOLERANCE_M: f64 = 1e-4;
 
-/// Returns a warning about the first knot up to `end_ns` at which a moved tine or sleeper overlaps another driven body.
+/// Returns a warning about the first knot up to `end_ns` at which a moved tine, sleeper or plate overlaps another driven body.
 pub fn overlap_warning(
     model: &Model,
     state: &State,
@@ -24,12 +24,18 @@ pub fn overlap_warning(
     let motions: Vec<Option<&Waveform>> = model.driven.iter().map(|d| motion(&d.name)).collect();
     let all = 0..model.driven.len();
     let is_moved = |d: usize| motions[d].is_some() && model.driven[d].role != Role::Boundary;
+    // Plates may reach beyond the box of the bed.
+    let may_overlap = |a: usize, b: usize| {
+        [[a, b], [b, a]].iter().any(|[a, b]| {
+            model.driven[*a].role == Role::Plate && model.driven[*b].role == Role::Boundary
+        })
+    };
     // Each pair of moved bodies once.
     let pairs: Vec<[usize; 2]> = all
         .clone()
         .filter(|a| is_moved(*a))
         .flat_map(|a| all.clone().filter(move |b| *b != a).map(move |b| [a, b]))
-        .filter(|[a, b]| a < b || !is_moved(*b))
+        .filter(|[a, b]| (a < b || !is_moved(*b)) && !may_overlap(*a, *b))
         .collect();
     let mut clipper = Clipper::default();
     times.into_iter().find_map(|time| {

@@ -93,7 +93,7 @@ pub struct TrackedBody {
     pub driven: usize,
 }
 
-/// Returns the tines and sleepers of a model, in the order of the model.
+/// Returns the tines, sleepers and plates of a model, in the order of the model.
 pub fn tracked(model: &Model) -> Vec<TrackedBody> {
     let bodies = model.driven.iter().enumerate();
     bodies

@@ -269,9 +269,8 @@ impl RunSummary {
         &self.settings
     }
 
-    /// Returns the number of steps that did not converge; `None` without a tolerance.
-    ///
-    /// A partner may set a tolerance that the case does not have.
+    /// Returns the number of steps that did not converge; `None` without a tolerance. A partner may set a tolerance that the
+    /// case does not have.
     pub fn not_converged(&self) -> Option<u64> {
         (self.settings.has_tolerance || self.not_converged > 0).then_some(self.not_converged)
     }
@@ -334,6 +333,7 @@ impl RunSummary {
             })),
             "tines": bodies(Role::Tine),
             "sleepers": bodies(Role::Sleeper),
+            "plates": bodies(Role::Plate),
             "relative_penetration": {
                 (Q::MeanPenetration.key()): has_steps.then(|| self.mean_penetration.mean() / d),
                 (Q::MaxPenetration.key()): has_steps.then(|| self.max_penetration.max() / d),

@@ -35,12 +35,13 @@ pub fn text(summary: &RunSummary) -> String {
 }
 
 /// Returns the tables of the summary; tables without figures are empty.
-pub fn tables(summary: &RunSummary) -> [TextTable; 7] {
+pub fn tables(summary: &RunSummary) -> [TextTable; 8] {
     [
         compactness(summary),
         coordination(summary),
         forces(summary, Role::Tine, "force on tine (N)"),
         forces(summary, Role::Sleeper, "force on sleeper (N)"),
+        forces(summary, Role::Plate, "force on plate (N)"),
         settlement(summary),
         energy(summary),
         quality(summary),

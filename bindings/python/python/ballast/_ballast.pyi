@@ -313,7 +313,7 @@ class Simulation:
         """
 
     def step_tamping_cycle(self, *, record_steps: bool = False, zones: bool = False) -> WindowResult:
-        """Advances one step, in which the case's tamping cycle moves tines and sleepers.
+        """Advances one step, in which the case moves tines and sleepers by its tamping cycle, and plates.
 
         The motion is that of `ballast run`, including the force limits of the case.
         """
@@ -470,11 +470,11 @@ class Simulation:
 
     @property
     def bodies(self) -> list[str]:
-        """Names of the driven bodies: tines, boundaries and sleepers."""
+        """Names of the driven bodies: tines, boundaries, sleepers and plates."""
 
     @property
     def roles(self) -> dict[str, str]:
-        """Role of each driven body by name: "boundary", "sleeper" or "tine"."""
+        """Role of each driven body by name: "boundary", "plate", "sleeper" or "tine"."""
 
     @property
     def mounts(self) -> dict[str, Mount]:
@@ -1080,7 +1080,7 @@ class Results:
 
     @property
     def roles(self) -> dict[str, str]:
-        """Role of each driven body by name: "boundary", "sleeper" or "tine"."""
+        """Role of each driven body by name: "boundary", "plate", "sleeper" or "tine"."""
 
     @property
     def is_closed(self) -> bool:

@@ -173,7 +173,7 @@ def _of_results(run: str | os.PathLike[str], forces: bool, frame: int) -> tuple[
         pairs = np.column_stack([contacts["candidate"], contacts["antagonist"]]).astype(int)
         centres = results.poses(frame)[0][: results.grain_count]
         network = _network(force, contacts.points.astype(float), pairs, centres, 1.0)
-    return surface, [blocks["sleepers"], blocks["tines"]], network
+    return surface, [blocks[name] for name in ("sleepers", "tines", "plates") if name in blocks.keys()], network
 
 
 def _bar(title: str, form: str) -> dict[str, Any]:
@@ -184,7 +184,8 @@ def _bar(title: str, form: str) -> dict[str, Any]:
 def frames(run: str | os.PathLike[str]) -> Iterator[tuple[float, Any]]:
     """Yields the time (s) and the blocks (`pyvista.MultiBlock`) of each frame of a results file.
 
-    The blocks are "grains", "sleepers", "tines", "boundary" and "contacts"; docs/src/guide/results.md lists their arrays.
+    The blocks are "grains", "sleepers", "tines", "plates", "boundary" and "contacts", those that are not empty;
+    docs/src/guide/results.md lists their arrays.
 
         for time, blocks in ballast.view.frames("runs/first"):
             print(time, blocks["grains"]["speed"].max())

@@ -18,7 +18,7 @@ pub fn check(args: CheckArgs, console: Console) -> Result {
         json!({
             "name": case.plan.name, "steps": case.steps(), "step_ns": run.stepping.step_ns,
             "duration_ns": run.duration_ns, "sleepers": case.plan.sleepers.len(),
-            "tines": case.plan.tines.len(), "bed_key": case.bed_key(),
+            "tines": case.plan.tines.len(), "plates": case.plan.plates.len(), "bed_key": case.bed_key(),
             "expected_grains": rounded(case.plan.bed.expected_grains()),
         }),
     );
@@ -38,6 +38,9 @@ fn text(plan: &Plan) -> String {
         ("sleepers", plan.sleepers.len().to_string()),
         ("tines", plan.tines.len().to_string()),
     ];
+    if !plan.plates.is_empty() {
+        lines.push(("plates", plan.plates.len().to_string()));
+    }
     lines.extend(plan.bed.traffic.map(|traffic| ("bed traffic", loads(&traffic.load))));
     lines.extend(plan.tamping.iter().flat_map(cycle));
     lines.extend([

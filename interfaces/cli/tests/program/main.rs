@@ -9,6 +9,7 @@ mod keeping;
 mod live_view;
 #[cfg(feature = "zenoh")]
 mod one_hash;
+mod plates;
 mod probes;
 mod recordings;
 #[cfg(feature = "zenoh")]

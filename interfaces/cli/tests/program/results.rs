@@ -55,7 +55,7 @@ fn keys(path: &str, value: &Value, found: &mut BTreeSet<Named>) {
     for (key, value) in map {
         let key = match path {
             "compactness" => "ZONE",
-            "tines" | "sleepers" => "BODY",
+            "tines" | "sleepers" | "plates" => "BODY",
             "timing.phases" => "PHASE",
             _ => key.as_str(),
         };

@@ -36,10 +36,11 @@ pub(crate) enum PolygonCorners {
 pub(crate) type Extent = [Vec3; 2];
 
 /// Names of the surfaces, in the order of the file.
-const NAMES: [(&str, Option<Role>); 4] = [
+const NAMES: [(&str, Option<Role>); 5] = [
     ("grains", None),
     ("sleepers", Some(Role::Sleeper)),
     ("tines", Some(Role::Tine)),
+    ("plates", Some(Role::Plate)),
     ("boundary", Some(Role::Boundary)),
 ];
 

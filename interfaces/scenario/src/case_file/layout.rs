@@ -31,7 +31,7 @@ pub struct SleeperRow {
     #[schemars(with = "Vec<Count>", length(max = 1000))]
     pub tamped: Vec<u32>,
     /// Mounts of the sleepers, which let ballast and loads move them in the run. Absent: they stand, or follow the lift.
-    pub mount: Option<SleeperMountSection>,
+    pub mount: Option<MountSection>,
 }
 
 fn default_count() -> u32 {
@@ -55,7 +55,7 @@ pub struct BlockSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SleeperSection {
-    /// Name of letters, digits, `_` and `-`, unique among sleepers and tines.
+    /// Name of letters, digits, `_` and `-`, unique among sleepers, tines and plates.
     pub name: String,
     /// Centre in x, m.
     #[schemars(with = "Finite")]
@@ -70,16 +70,17 @@ pub struct SleeperSection {
     #[serde(default)]
     pub tamped: bool,
     /// Mount of the sleeper, which lets ballast and loads move it in the run. Absent: it stands, or follows the lift.
-    pub mount: Option<SleeperMountSection>,
+    pub mount: Option<MountSection>,
 }
 
-/// Mount of a sleeper, with one mode for each degree of freedom. The sleeper stands still during preparation.
+/// Mount of a sleeper or plate, with one mode for each degree of freedom. The body stands still during preparation.
 ///
 /// At most three are not prescribed, or all translations have the same mode.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct SleeperMountSection {
-    /// Mass, fastened parts included, kg. Absent: that of concrete blocks, 2400 kg/m³.
+pub struct MountSection {
+    /// Mass, fastened parts included, kg. Absent: that of a sleeper of concrete, 2400 kg/m³, or of a plate of steel,
+    /// 7850 kg/m³.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Mass>")]
     pub mass_kg: Option<f64>,
@@ -197,7 +198,7 @@ impl Default for TineMountSection {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TineSection {
-    /// Name of letters, digits, `_` and `-`, unique among sleepers and tines.
+    /// Name of letters, digits, `_` and `-`, unique among sleepers, tines and plates.
     pub name: String,
     /// Middle of the blade in x before squeezing, m.
     #[schemars(with = "Finite")]

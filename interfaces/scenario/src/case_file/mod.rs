@@ -5,6 +5,7 @@
 
 mod bed;
 mod layout;
+mod plate;
 pub mod range;
 mod run;
 mod tamping;
@@ -12,9 +13,10 @@ mod walls;
 
 pub use bed::{BedSection, GrainsSection, SizeClassSection, StiffnessSection, TrafficSection};
 pub use layout::{
-    BlockSection, DofModeName, SleeperMountSection, SleeperRow, SleeperSection, SqueezeDirection,
+    BlockSection, DofModeName, MountSection, SleeperRow, SleeperSection, SqueezeDirection,
     TineMountSection, TineRows, TineSection,
 };
+pub use plate::{PlateBoxSection, PlateLoadSection, PlateMotionSection, PlateSection};
 pub use run::{PartitionMethod, RunSection, SolverSection};
 pub use tamping::{LoadCyclesSection, TampingSection};
 pub use walls::WallsSection;
@@ -22,7 +24,7 @@ pub use walls::WallsSection;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// A Ballast case: a bed of grains, the sleepers in it, and the tamping cycle.
+/// A Ballast case: a bed of grains, the sleepers or plates in it, and the tamping cycle.
 ///
 /// x runs along the track, y across it, z up. The box of the bed spans 0 to its size in x and y;
 /// its floor is z = 0.
@@ -44,6 +46,9 @@ pub struct CaseFile {
     /// Single tines in addition to those of the rows.
     #[serde(default)]
     pub tine: Vec<TineSection>,
+    /// Plates in and on the bed, for laboratory tests.
+    #[serde(default)]
+    pub plate: Vec<PlateSection>,
     /// Cycle of the tamping machine. Without it, sleepers and tines move only where a partner moves them.
     pub tamping: Option<TampingSection>,
     /// Time stepping and output.

@@ -15,7 +15,7 @@ const MIN_CLEARANCE: f64 = 0.6;
 /// Maximum speed of insertion that machines reach, m/s.
 const MAX_INSERTION_SPEED: f64 = 1.0;
 /// Minimum number of steps per period that resolve a sine.
-const MIN_STEPS_PER_SINE: f64 = 10.0;
+pub(super) const MIN_STEPS_PER_SINE: f64 = 10.0;
 // The core refuses only fewer steps, which would be another motion.
 const _: () = assert!(MIN_STEPS_PER_SINE > MIN_STEPS_PER_PERIOD);
 
@@ -317,33 +317,41 @@ fn two_digits_down(x: f64) -> f64 {
 }
 
 /// Limit of the motion per step: half of the smallest grain.
-struct TravelLimit {
+pub(super) struct TravelLimit {
     /// Time step, s.
-    h: f64,
+    pub h: f64,
     /// Size of the smallest grain, m.
-    smallest: f64,
+    pub smallest: f64,
 }
 
 impl TravelLimit {
     /// Refuses a motion whose peak `speed`, which includes `vibration`, exceeds the limit; both in m/s. Returns true if it
     /// does not.
     fn check(&self, key: &str, speed: f64, vibration: f64, report: &mut DiagnosticReport) -> bool {
-        let Self { h, smallest } = self;
-        let is_slow = speed * h <= 0.5 * smallest;
-        if !is_slow {
-            let included = if vibration > 0.0 { ", the vibration included" } else { "" };
-            let text = DiagnosticText {
-                problem: "the time step is too large for this motion".into(),
-                found: format!("{speed:.3} m/s, {:.4} m per step{included}", speed * h),
-                expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
-                hint: Some(format!(
-                    "a step of {:e} s would do",
-                    two_digits_down(0.4 * smallest / speed)
-                )),
-            };
+        let excess = self.excess(speed, vibration);
+        let is_slow = excess.is_none();
+        if let Some(text) = excess {
             report.error(report.written_key(&[key, "run.step_s"]), text);
         }
         is_slow
+    }
+
+    /// Returns what is wrong with a motion whose peak `speed`, which includes `vibration`, exceeds the limit; both in m/s.
+    pub fn excess(&self, speed: f64, vibration: f64) -> Option<DiagnosticText> {
+        let Self { h, smallest } = self;
+        if speed * h <= 0.5 * smallest {
+            return None;
+        }
+        let included = if vibration > 0.0 { ", the vibration included" } else { "" };
+        Some(DiagnosticText {
+            problem: "the time step is too large for this motion".into(),
+            found: format!("{speed:.3} m/s, {:.4} m per step{included}", speed * h),
+            expected: format!("at most half the smallest grain, {:.4} m", 0.5 * smallest),
+            hint: Some(format!(
+                "a step of {:e} s would do",
+                two_digits_down(0.4 * smallest / speed)
+            )),
+        })
     }
 }
 

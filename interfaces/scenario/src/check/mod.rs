@@ -6,6 +6,7 @@ mod bed;
 mod collision;
 mod machine;
 mod names;
+mod plates;
 mod plausibility;
 mod time;
 
@@ -13,5 +14,6 @@ pub use bed::bed;
 pub use collision::collisions;
 pub use machine::machine;
 pub use names::names;
+pub use plates::plates;
 pub use plausibility::plausibility;
 pub use time::{run, step_ns};

@@ -1,4 +1,4 @@
-//! Names of the case, of sleepers and of tines.
+//! Names of the case, of sleepers, tines and plates.
 
 use crate::case_file::CaseFile;
 use crate::diagnostic::DiagnosticText;
@@ -16,9 +16,10 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) {
     check_usable("name", &case.name, report);
     let sleepers = layout.sleepers.iter().map(|s| (&s.key, &s.plan.name));
     let tines = layout.tines.iter().map(|t| (&t.key, &t.plan.name));
+    let plates = layout.plates.iter().map(|p| (&p.key, &p.plan.name));
     let mut taken: BTreeSet<String> = BOUNDARY_NAMES.map(String::from).into();
     let mut earlier: BTreeSet<&str> = BTreeSet::new();
-    for (key, name) in sleepers.chain(tines) {
+    for (key, name) in sleepers.chain(tines).chain(plates) {
         let key = format!("{key}.name");
         check_usable(&key, name, report);
         // Names of topics have `_` in place of `-`.
@@ -27,7 +28,7 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) {
                 problem: "this name is taken".into(),
                 found: format!("`{name}`"),
                 expected:
-                    "a name that no other sleeper, tine or wall has, also with `_` in place of `-`"
+                    "a name that no other sleeper, tine, plate or wall has, also with `_` in place of `-`"
                         .into(),
                 hint: None,
             };
@@ -37,7 +38,7 @@ pub fn names(case: &CaseFile, layout: &Layout, report: &mut DiagnosticReport) {
                 problem: "table columns of this name are taken".into(),
                 found: format!("`{name}`"),
                 expected: format!(
-                    "a name that differs from that of each other sleeper and tine by more than `{FORCE_SUFFIX}` at the end"
+                    "a name that differs from that of each other sleeper, tine and plate by more than `{FORCE_SUFFIX}` at the end"
                 ),
                 hint: None,
             };

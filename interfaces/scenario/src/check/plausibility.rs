@@ -53,6 +53,9 @@ fn friction(case: &CaseFile, report: &mut DiagnosticReport) {
         case.bed.walls.by_name().into_iter().filter_map(|(name, wall)| {
             Some((format!("bed.walls.{name}.friction"), wall.friction?))
         });
+    let of_plates = case.plate.iter().enumerate();
+    let of_plates =
+        of_plates.filter_map(|(i, plate)| Some((format!("plate[{i}].friction"), plate.friction?)));
     let of_kinds = [
         ("bed.friction.grain", friction.grain),
         ("bed.friction.sleeper", friction.sleeper),
@@ -61,7 +64,7 @@ fn friction(case: &CaseFile, report: &mut DiagnosticReport) {
         ("bed.preparation.friction", case.bed.preparation.friction),
     ];
     let of_kinds = of_kinds.into_iter().map(|(key, coefficient)| (String::from(key), coefficient));
-    for (key, coefficient) in of_kinds.chain(of_walls) {
+    for (key, coefficient) in of_kinds.chain(of_walls).chain(of_plates) {
         if report.is_clean(&[&key]) && coefficient > MAX_FRICTION {
             let text = DiagnosticText {
                 problem: "no material has this friction".into(),

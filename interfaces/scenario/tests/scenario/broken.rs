@@ -342,7 +342,7 @@ fn unmark(text: &str) -> (usize, usize, String) {
     (line, column, text.replace(MARK, ""))
 }
 
-fn errors(text: &str) -> CaseErrors {
+pub fn errors(text: &str) -> CaseErrors {
     read_case(text, "broken.toml").expect_err(text)
 }
 

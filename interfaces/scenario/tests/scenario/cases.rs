@@ -56,7 +56,7 @@ fn the_cases_of_the_page_are_valid() {
             _ => {}
         }
     }
-    assert_eq!(cases.len(), 3);
+    assert_eq!(cases.len(), 4);
     for text in &cases {
         let case = read_case(text, "docs/src/guide/cases.md").unwrap_or_else(|e| panic!("{e}"));
         assert!(case.warnings.is_empty(), "{:?}", case.warnings);

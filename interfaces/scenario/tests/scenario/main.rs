@@ -6,6 +6,7 @@ mod contacts;
 mod content_key;
 mod hostile;
 mod notation;
+mod plates;
 mod samples;
 mod schema;
 mod stones;
