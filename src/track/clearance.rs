@@ -2,7 +2,7 @@
 //! through a sleeper or a wall.
 
 use crate::error::{Error, Result};
-use crate::math::Vec3;
+use crate::geometry::AxisBox;
 use crate::track::plan::{Plan, SleeperPlan, TampingPlan, TinePlan};
 
 /// Rounding of positions that are sums of decimal numbers, m: what is flush with a wall is inside.
@@ -15,8 +15,8 @@ pub const MAX_PROTRUSION: f64 = MAX_TRIMMED_PROTRUSION + 0.25;
 
 /// Refuses a plan whose tines would meet a sleeper, an end, a side or the floor on their way.
 pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
-    let deep = tamping.deep_edge(&plan.bed);
     for tine in &plan.tines {
+        let lowest = tamping.deep_edge(&plan.bed) + tine.bounds().low.z;
         if tine.direction.abs() != 1.0 {
             return Err(refused(tine, "direction +1 or -1", tine.direction.to_string()));
         }
@@ -26,12 +26,12 @@ pub(super) fn check(plan: &Plan, tamping: &TampingPlan) -> Result<()> {
             && swept_area.x[1] <= size.x + ROUNDING_TOLERANCE
             && swept_area.y[0] >= -ROUNDING_TOLERANCE
             && swept_area.y[1] <= size.y + ROUNDING_TOLERANCE
-            && deep - tine.blade.z > 0.0;
+            && lowest > 0.0;
         if !inside {
             return Err(refused(
                 tine,
                 "a way inside the box of the bed",
-                format!("{swept_area}, lowest point at z = {} m", deep - tine.blade.z),
+                format!("{swept_area}, lowest point at z = {lowest} m"),
             ));
         }
         for sleeper in &plan.sleepers {
@@ -60,11 +60,13 @@ impl std::fmt::Display for SweptArea {
 
 /// Returns the area that blade and shaft sweep while the tine closes by `stroke` (m) and vibrates by `amplitude` (m).
 pub fn swept_area(tine: &TinePlan, stroke: f64, amplitude: f64) -> SweptArea {
-    let half: Vec3 = tine.blade.sup(&tine.shaft) * 0.5;
+    let AxisBox { low, high } = tine.bounds();
     let [x, y] = tine.position;
     let closed = x + tine.direction * stroke;
-    let margin = half.x + amplitude;
-    SweptArea { x: [x.min(closed) - margin, x.max(closed) + margin], y: [y - half.y, y + half.y] }
+    SweptArea {
+        x: [x.min(closed) + (low.x - amplitude), x.max(closed) + (high.x + amplitude)],
+        y: [y + low.y, y + high.y],
+    }
 }
 
 fn check_sleeper(tine: &TinePlan, swept_area: &SweptArea, sleeper: &SleeperPlan) -> Result<()> {

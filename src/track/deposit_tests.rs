@@ -100,10 +100,10 @@ fn tines_without_a_cycle_begin_above_the_grains_that_stick_out() {
     let bed = prepared(&plan);
     let n = bed.model.grains.len();
     let (_, state) = scene(&plan, bed).unwrap();
-    let lower_edge = state.position[n + 6].z - plan.tines[0].blade.z;
+    let lower_edge = state.position[n + 6].z + plan.tines[0].bounds().low.z;
     assert!((lower_edge - (0.1 + 0.75 * 0.03)).abs() < 1e-12, "three quarters of a grain");
     plan.bed.grains.classes[0].size = 0.01;
-    let lower_edge = start_position(&plan, &plan.tines[0]).z - plan.tines[0].blade.z;
+    let lower_edge = start_position(&plan, &plan.tines[0]).z + plan.tines[0].bounds().low.z;
     assert!((lower_edge - (0.1 + 0.02)).abs() < 1e-12, "20 mm at least");
 }
 

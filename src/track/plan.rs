@@ -299,7 +299,7 @@ pub struct BlockPlan {
     pub size: Vec3,
 }
 
-/// One tine: a blade below a shaft. Its reference point is the middle of the blade's upper edge.
+/// One tine. Its reference point is the middle of the blade's upper edge.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TinePlan {
     /// Name of the driven body.
@@ -310,12 +310,24 @@ pub struct TinePlan {
     pub direction: f64,
     /// Tines with the same number close together and share one force limit.
     pub pair: u32,
-    /// Size of the blade in x (thickness), y (width) and z (height), m.
-    pub blade: Vec3,
-    /// Size of the shaft in x, y and z, m.
-    pub shaft: Vec3,
+    /// Blade and shaft.
+    pub shape: TineShape,
     /// Mount of the blade; `None`: rigid.
     pub mount: Option<Mount>,
+}
+
+/// Shape of a tine about its reference point: the blade below, the shaft above.
+#[derive(Debug, Clone, PartialEq)]
+pub enum TineShape {
+    /// Boxes with their middles over each other.
+    Boxes {
+        /// Size of the blade in x (thickness), y (width) and z (height), m.
+        blade: Vec3,
+        /// Size of the shaft in x, y and z, m.
+        shaft: Vec3,
+    },
+    /// Corners of convex parts, m, of a tine that squeezes towards +x; the one that squeezes towards -x is its mirror image.
+    Parts(Vec<Vec<Vec3>>),
 }
 
 /// The motion of the machine: lift, insertion, squeeze, hold, withdrawal, release; then traffic.

@@ -9,6 +9,7 @@ use super::sleeper::sleeper_pose;
 use super::tamping_cycle::start_position;
 use super::tine::tine;
 use crate::error::{Error, Result};
+use crate::geometry::AxisBox;
 use crate::integrate;
 use crate::math::{Pose, Vec3};
 use crate::model::{DrivenBody, Model};
@@ -46,8 +47,8 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     }
     for t in &plan.tines {
         check_new(&format!("tine {:?}", t.name), &t.name, &model)?;
-        check_clear(t, start_position(plan, t), &model, &state)?;
         let body = tine(t, plan.bed.friction.tine, &mut model.shapes)?;
+        check_clear(t, start_position(plan, t), &model, &state)?;
         add(&mut model, &mut state, body, Pose::at(start_position(plan, t)));
     }
     apply_run_settings(plan, &mut model);
@@ -76,12 +77,13 @@ fn add(model: &mut Model, state: &mut State, body: DrivenBody, pose: Pose) {
     state.contacts.renumber(|other| other + usize::from(other >= b));
 }
 
-/// Refuses a tine whose blade starts among grains, `at` being the middle of its upper edge.
+/// Refuses a tine whose blade starts among grains, with its reference point at `at`.
 fn check_clear(tine: &TinePlan, at: Vec3, model: &Model, state: &State) -> Result<()> {
-    let lower_edge = at.z - tine.blade.z;
+    let AxisBox { low, high } = tine.blade_bounds();
+    let lower_edge = at.z + low.z;
     let beside = |p: &Vec3, radius: f64| {
-        let (half, d) = (tine.blade * 0.5, p - at);
-        d.x.abs() > half.x + radius || d.y.abs() > half.y + radius
+        let d = p - at;
+        (0..2).any(|k| d[k] < low[k] - radius || d[k] > high[k] + radius)
     };
     let tops = (0..model.grains.len()).filter_map(|g| {
         let shape = &model.shapes[model.grains.shape[g] as usize];

@@ -1,4 +1,4 @@
-//! Cuboid parts of driven bodies, and their mass.
+//! Parts of driven bodies: cuboids and convex polyhedra, and their mass.
 
 use crate::error::{Error, Result};
 use crate::geometry::{self, Polyhedron};
@@ -18,15 +18,19 @@ pub(super) fn solid(size: &Vec3, place: impl Fn() -> String) -> Result<Vec3> {
 }
 
 /// A cuboid of the given edges (m) whose middle is `centre` in the body's frame.
+pub(super) fn cuboid(shapes: &mut Vec<Polyhedron>, size: &Vec3, centre: Vec3) -> Part {
+    part(shapes, geometry::cuboid(size * 0.5), Pose::at(centre))
+}
+
+/// A part of the given shape and pose in the body's frame.
 ///
-/// Equal cuboids share one shape: sixteen tines are two shapes.
-pub(super) fn cuboid(shapes: &mut Vec<Polyhedron>, size: &Vec3, centre: Vec3) -> Result<Part> {
-    let shape = geometry::cuboid(size * 0.5);
+/// Equal parts share one shape: sixteen tines are two shapes.
+pub(super) fn part(shapes: &mut Vec<Polyhedron>, shape: Polyhedron, pose: Pose) -> Part {
     let index = shapes.iter().position(|s| *s == shape).unwrap_or_else(|| {
         shapes.push(shape);
         shapes.len() - 1
     });
-    Ok(Part::Convex { shape: index as u32, pose: Pose::at(centre) })
+    Part::Convex { shape: index as u32, pose }
 }
 
 /// Mount of a body of cuboids, given by their middles and sizes (m), of one density (kg/m³) or, if it is given, one mass (kg).

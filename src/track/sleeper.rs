@@ -35,7 +35,7 @@ pub fn sleeper(
     for (i, block) in plan.blocks.iter().enumerate() {
         let size = solid(&block.size, || format!("block {} of {:?}", i + 1, plan.name))?;
         let centre = Vec3::new(0.0, block.offset_y, 0.5 * size.z);
-        parts.push(cuboid(shapes, &size, centre)?);
+        parts.push(cuboid(shapes, &size, centre));
     }
     Ok(DrivenBody {
         name: plan.name.clone(),

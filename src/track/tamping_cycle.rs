@@ -386,7 +386,7 @@ pub fn start_position(plan: &Plan, tine: &crate::track::plan::TinePlan) -> Vec3 
     // Whoever drives the tines instead of a cycle begins above the grains that stick out.
     let idle = || IDLE_CLEARANCE.max(MAX_PROTRUSION * plan.bed.grains.mean_size());
     let clearance = plan.tamping.map_or_else(idle, |t| t.insertion.clearance);
-    let z = plan.bed.preparation.fill_level + clearance + tine.blade.z;
+    let z = plan.bed.preparation.fill_level + clearance - tine.bounds().low.z;
     Vec3::new(tine.position[0], tine.position[1], z)
 }
 

@@ -3,7 +3,7 @@ use crate::model::{ContactStiffness, Role};
 use crate::state::DriverState;
 use crate::step::Reaction;
 use crate::track::TampingState;
-use crate::track::plan::ReleasePlan;
+use crate::track::plan::{ReleasePlan, TineShape};
 use crate::track::test_plan::small_plan as plan;
 use crate::track::{sleeper::sleeper, tine::tine};
 use std::sync::Arc;
@@ -287,10 +287,11 @@ fn tines_that_would_meet_a_sleeper_or_a_wall_are_refused_by_name() {
     flush.sleepers[0].blocks[0].size.y = 0.04;
     for tine in &mut flush.tines {
         tine.position[1] = 0.17;
-        tine.blade.y = 0.14;
+        let TineShape::Boxes { blade, .. } = &mut tine.shape else { panic!("boxes") };
+        blade.y = 0.14;
     }
     let tine = &flush.tines[0];
-    let edge = tine.position[1] + 0.5 * tine.blade.y;
+    let edge = tine.position[1] + tine.bounds().high.y;
     assert!(edge > flush.bed.size.y, "the sum of these decimal numbers: {edge}");
     TampingCycle::new(&flush, &model).unwrap();
 }

@@ -12,8 +12,10 @@ pub fn small_plan() -> Plan {
         position: [x, 0.35],
         direction,
         pair: 7,
-        blade: Vec3::new(0.022, 0.12, 0.07),
-        shaft: Vec3::new(0.03, 0.06, 0.45),
+        shape: TineShape::Boxes {
+            blade: Vec3::new(0.022, 0.12, 0.07),
+            shaft: Vec3::new(0.03, 0.06, 0.45),
+        },
         mount: None,
     };
     Plan {

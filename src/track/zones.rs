@@ -100,12 +100,13 @@ fn cribs(plan: &Plan, sleeper: &SleeperPlan) -> [AxisBox; 2] {
 fn insertion(plan: &Plan, tine: &TinePlan) -> Option<AxisBox> {
     let tamping = plan.tamping?;
     let upper_edge = tamping.deep_edge(&plan.bed);
-    let half = tine.blade * 0.5;
-    let reach = half.x + tamping.vibration.amplitude;
+    let AxisBox { low, high } = tine.blade_bounds();
+    let amplitude = tamping.vibration.amplitude;
     let [x, y] = tine.position;
+    let top = plan.bed.preparation.ballast_depth.max(upper_edge);
     Some(AxisBox {
-        low: Vec3::new(x - reach, y - half.y, upper_edge - tine.blade.z),
-        high: Vec3::new(x + reach, y + half.y, plan.bed.preparation.ballast_depth.max(upper_edge)),
+        low: Vec3::new(x + (low.x - amplitude), y + low.y, upper_edge + low.z),
+        high: Vec3::new(x + (high.x + amplitude), y + high.y, top),
     })
 }
 

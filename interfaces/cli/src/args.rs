@@ -74,6 +74,8 @@ pub enum Command {
     Inspect(crate::commands::inspect::InspectArgs),
     /// Make stones of a case from surface meshes, such as scans
     Stones(crate::commands::stones::StonesArgs),
+    /// Make the convex parts of a tine from a surface mesh, such as a CAD model
+    Tool(crate::commands::tool::ToolArgs),
     /// Write an HTML report of a run: pictures, compactness, forces, energy, quality, settings
     Report(ReportArgs),
     /// Measure support stiffness or lateral resistance of a sleeper on its bed

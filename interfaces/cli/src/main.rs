@@ -99,6 +99,7 @@ fn dispatch(cli: Cli, console: Console) -> Result {
         Command::Check(args) => commands::check::check(args, console),
         Command::Inspect(args) => commands::inspect::inspect(args, console),
         Command::Stones(args) => commands::stones::stones(args, console),
+        Command::Tool(args) => commands::tool::tool(args, console),
         Command::Report(args) => commands::report::report(args, console),
         Command::Probe { command } => commands::probe::probe(command, console),
         Command::Validate(args) => commands::validate::validate(args, console),

@@ -1,11 +1,12 @@
-//! Choice of few corners whose hull fills most of a convex stone.
+//! Choice of few corners whose hull fills most of a convex body.
 
 use ballast::geometry::{Polyhedron, convex_hull, stone_with_corners};
 use ballast::math::{Pose, Vec3};
 use std::f64::consts::PI;
+use std::fmt::Write;
 
 /// Largest number of points of which all are candidates.
-const MAX_CANDIDATES: usize = 4000;
+pub const MAX_CANDIDATES: usize = 4000;
 /// Largest number of points that are tried as the next corner.
 const MAX_ATTEMPTS: usize = 200;
 /// Height of a point above the chosen hull, over the half size of the points, below which it adds nothing.
@@ -46,6 +47,23 @@ pub fn choose_corners(points: &[Vec3], most: usize) -> Option<ChosenCorners> {
     Some(chosen)
 }
 
+/// Returns all corners of the hull of `points`; `None` if they are more than `most`, or if contact detection cannot use them.
+pub fn whole_corners(points: &[Vec3], most: usize) -> Option<ChosenCorners> {
+    let (hull, pose) = convex_hull(points).ok()?;
+    let corners: Vec<Vec3> = hull.vertices.iter().map(|v| pose.point(v)).collect();
+    if corners.len() <= most { with_hull(&corners) } else { None }
+}
+
+/// Returns the corners as a key of a TOML table.
+pub fn corners_text(corners: &[Vec3]) -> String {
+    let mut text = "corners = [\n".to_string();
+    for corner in corners {
+        // Writing to a text cannot fail.
+        let _ = writeln!(text, "    [{:?}, {:?}, {:?}],", corner.x, corner.y, corner.z);
+    }
+    text + "]\n"
+}
+
 /// Returns the corners with their hull; `None` if contact detection cannot use it, or if some of them are inside.
 fn with_hull(corners: &[Vec3]) -> Option<ChosenCorners> {
     let corners: Vec<Vec3> = corners.iter().map(|c| c.map(rounded)).collect();
@@ -60,15 +78,15 @@ fn rounded(x: f64) -> f64 {
     (x as f32).to_string().parse().unwrap_or(x)
 }
 
-/// Returns the points that lie farthest in one of many directions, or all if they are few.
-pub fn extreme_points(points: &[Vec3]) -> Vec<Vec3> {
-    if points.len() <= MAX_CANDIDATES {
+/// Returns the points that lie farthest in one of `most` directions, or all if they are no more.
+pub fn extreme_points(points: &[Vec3], most: usize) -> Vec<Vec3> {
+    if points.len() <= most {
         return points.to_vec();
     }
     let golden_angle = PI * (3.0 - 5f64.sqrt());
-    let mut found: Vec<usize> = (0..MAX_CANDIDATES)
+    let mut found: Vec<usize> = (0..most)
         .filter_map(|k| {
-            let z = 1.0 - (2 * k + 1) as f64 / MAX_CANDIDATES as f64;
+            let z = 1.0 - (2 * k + 1) as f64 / most as f64;
             let (radius, angle) = ((1.0 - z * z).sqrt(), k as f64 * golden_angle);
             let direction = Vec3::new(radius * angle.cos(), radius * angle.sin(), z);
             let height = |i: &usize| direction.dot(&points[*i]);

@@ -1,11 +1,10 @@
 //! Convex stone of a surface mesh.
 
-use crate::corners::{ChosenCorners, choose_corners, extreme_points};
+use crate::corners::{ChosenCorners, MAX_CANDIDATES, choose_corners, corners_text, extreme_points};
 use crate::{MeshError, TriangleMesh};
 use ballast::geometry::{ShapeDescriptors, convex_hull};
 use ballast::math::Vec3;
 use serde_json::{Value, json};
-use std::fmt::Write;
 use std::path::Path;
 
 /// Convex stone with the form of a surface mesh. Volumes and lengths are in the unit of the mesh.
@@ -41,7 +40,7 @@ impl MeshStone {
             expected: "a surface around a volume".into(),
             found,
         };
-        let mut points = extreme_points(&mesh.points);
+        let mut points = extreme_points(&mesh.points, MAX_CANDIDATES);
         // Scans may lie far from their origin.
         let middle = points.iter().sum::<Vec3>() / points.len() as f64;
         points.iter_mut().for_each(|p| *p -= middle);
@@ -94,18 +93,14 @@ impl MeshStone {
         let ShapeDescriptors { length, width, thickness, sphericity, .. } = self.descriptors;
         let [length, width, thickness] =
             [length, width, thickness].map(|side| side / self.nominal_diameter);
-        let mut text = format!(
+        format!(
             "# {}: {} corners, {:.1} % of the volume of the hull; L, I, S = {length:.2}, {width:.2}, {thickness:.2} \
-             nominal diameters, sphericity {sphericity:.2}\n[[bed.grains.stones]]\ncorners = [\n",
+             nominal diameters, sphericity {sphericity:.2}\n[[bed.grains.stones]]\n{}",
             self.name,
             self.corners.len(),
             100.0 * self.volume / self.hull_volume,
-        );
-        for corner in &self.corners {
-            // Writing to a text cannot fail.
-            let _ = writeln!(text, "    [{:?}, {:?}, {:?}],", corner.x, corner.y, corner.z);
-        }
-        text + "]\n"
+            corners_text(&self.corners),
+        )
     }
 
     /// Converts the stone to JSON.

@@ -4,7 +4,7 @@ use crate::MeshError;
 use ballast::math::Vec3;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::{DefaultElement, Property};
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::path::Path;
@@ -89,13 +89,63 @@ impl TriangleMesh {
             |[a, b, c]: [usize; 3]| [[a, b], [b, c], [c, a]].map(|e| edges.insert(e));
         let is_single = self.triangles.iter().all(|t| edges_of(*t) == [true; 3]);
         let is_closed = is_single && edges.iter().all(|&[a, b]| edges.contains(&[b, a]));
-        let origin = self.points.first()?;
-        let of_triangle = |t: &[usize; 3]| {
-            let [a, b, c] = t.map(|k| self.points[k] - origin);
-            a.cross(&b).dot(&c) / 6.0
-        };
-        is_closed.then(|| self.triangles.iter().map(of_triangle).sum::<f64>().abs())
+        is_closed.then(|| signed_volume(self.corners()).abs())
     }
+
+    /// Returns the corners of each triangle.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = [Vec3; 3]> {
+        self.triangles.iter().map(|t| t.map(|k| self.points[k]))
+    }
+
+    /// Returns the connected surfaces of a closed mesh, which face outwards.
+    pub(crate) fn shells(&self) -> Vec<Self> {
+        // Each point leads to another one of its surface, and the last to itself.
+        let mut next: Vec<usize> = (0..self.points.len()).collect();
+        let last = |next: &[usize], mut k: usize| {
+            while next[k] != k {
+                k = next[k];
+            }
+            k
+        };
+        for [a, b, c] in &self.triangles {
+            for (from, to) in [(a, b), (b, c)] {
+                let [from, to] = [*from, *to].map(|k| last(&next, k));
+                next[from.max(to)] = from.min(to);
+            }
+        }
+        let mut shells: BTreeMap<usize, Vec<[usize; 3]>> = BTreeMap::new();
+        for triangle in &self.triangles {
+            shells.entry(last(&next, triangle[0])).or_default().push(*triangle);
+        }
+        shells.into_values().map(|triangles| self.facing_outwards(triangles)).collect()
+    }
+
+    fn facing_outwards(&self, mut triangles: Vec<[usize; 3]>) -> Self {
+        let of_shell = triangles.iter().map(|t| t.map(|k| self.points[k]));
+        if signed_volume(of_shell) < 0.0 {
+            triangles.iter_mut().for_each(|t| t.reverse());
+        }
+        let (mut points, mut numbers) = (Vec::new(), HashMap::new());
+        let mut number = |k: usize| {
+            *numbers.entry(k).or_insert_with(|| {
+                points.push(self.points[k]);
+                points.len() - 1
+            })
+        };
+        let triangles = triangles.into_iter().map(|t| t.map(&mut number)).collect();
+        Self { points, triangles }
+    }
+}
+
+/// Returns the volume inside a closed surface, negative if it faces inwards.
+pub(crate) fn signed_volume(mut triangles: impl Iterator<Item = [Vec3; 3]>) -> f64 {
+    // The first triangle has no volume with its own corner.
+    let Some([origin, ..]) = triangles.next() else { return 0.0 };
+    let of_triangle = |t: [Vec3; 3]| {
+        let [a, b, c] = t.map(|p| p - origin);
+        a.cross(&b).dot(&c) / 6.0
+    };
+    triangles.map(of_triangle).sum()
 }
 
 fn from_stl(mut file: impl Read + Seek) -> Result<TriangleMesh, String> {

@@ -70,9 +70,14 @@ impl<'t> CaseDocument<'t> {
     /// True if the file has the key at `path`.
     pub fn has(&self, path: &str) -> bool {
         let mut table = Some(&self.root);
-        path.split('.').all(|key| {
-            let found = table.and_then(|t| find(t, key));
-            table = found.and_then(|(_, value)| value.get_ref().as_table());
+        let mut array: Option<&[Spanned<DeValue>]> = None;
+        segments(path).iter().all(|segment| {
+            let found = match segment {
+                PathSegment::Key(key) => table.and_then(|t| find(t, key)).map(|(_, value)| value),
+                PathSegment::Index(i) => array.and_then(|a| a.get(*i)),
+            };
+            table = found.and_then(|value| value.get_ref().as_table());
+            array = found.and_then(|value| value.get_ref().as_array()).map(|a| a.as_ref());
             found.is_some()
         })
     }

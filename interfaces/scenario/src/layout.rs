@@ -7,6 +7,7 @@ use crate::diagnostic::DiagnosticText;
 use crate::mount;
 use crate::plate;
 use crate::report::DiagnosticReport;
+use crate::tine_shape::tine_shape;
 use ballast::math::Vec3;
 use ballast::track::plan::{BlockPlan, PlatePlan, SleeperPlan, TinePlan};
 
@@ -184,7 +185,8 @@ fn add_tine_rows(tines: &TineRows, report: &mut DiagnosticReport, layout: &mut L
         report.error(key, text);
     }
     let sizes = [tines.blade_size_m, tines.shaft_size_m];
-    let mount = mount::tine_mount(&tines.mount, sizes, "tines.mount", report);
+    let shape = tine_shape(sizes, &tines.parts, "tines", report);
+    let mount = mount::tine_mount(&tines.mount, &shape, "tines.mount", report);
     let mut pair = 0;
     for sleeper in &tamped {
         for (i, offset) in tines.y_offsets_m.iter().enumerate() {
@@ -193,7 +195,7 @@ fn add_tine_rows(tines: &TineRows, report: &mut DiagnosticReport, layout: &mut L
                 outside_block(report, &key_y, sleeper, *offset);
                 continue;
             };
-            let distance = half + tines.gap_to_sleeper_m + 0.5 * tines.blade_size_m[0];
+            let distance = half + tines.gap_to_sleeper_m + shape.blade_bounds().high.x;
             // The tine at the larger x squeezes towards -x.
             for (side, direction) in [("plus", 1.0), ("minus", -1.0)] {
                 let x = sleeper.centre[0] - direction * distance;
@@ -203,8 +205,7 @@ fn add_tine_rows(tines: &TineRows, report: &mut DiagnosticReport, layout: &mut L
                         position: [x, sleeper.centre[1] + offset],
                         direction,
                         pair,
-                        blade: Vec3::from(tines.blade_size_m),
-                        shaft: Vec3::from(tines.shaft_size_m),
+                        shape: shape.clone(),
                         mount,
                     },
                     key: "tines".into(),
@@ -246,7 +247,8 @@ fn single_tine(
     report: &mut DiagnosticReport,
 ) -> PlacedBody<TinePlan> {
     let sizes = [tine.blade_size_m, tine.shaft_size_m];
-    let mount = mount::tine_mount(&tine.mount, sizes, &format!("tine[{i}].mount"), report);
+    let shape = tine_shape(sizes, &tine.parts, &format!("tine[{i}]"), report);
+    let mount = mount::tine_mount(&tine.mount, &shape, &format!("tine[{i}].mount"), report);
     PlacedBody {
         plan: TinePlan {
             name: tine.name.clone(),
@@ -256,8 +258,7 @@ fn single_tine(
                 SqueezeDirection::MinusX => -1.0,
             },
             pair: tine.pair,
-            blade: Vec3::from(tine.blade_size_m),
-            shaft: Vec3::from(tine.shaft_size_m),
+            shape,
             mount,
         },
         key: format!("tine[{i}]"),

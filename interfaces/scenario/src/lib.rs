@@ -26,6 +26,7 @@ mod schema_check;
 #[cfg(test)]
 mod schema_check_tests;
 pub mod sweep;
+mod tine_shape;
 
 pub use content_key::content_key;
 pub use diagnostic::{CaseDiagnostic, CaseErrors};

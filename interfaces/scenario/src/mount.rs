@@ -3,15 +3,16 @@
 use crate::case_file::{self, DofModeName, MountSection};
 use crate::diagnostic::DiagnosticText;
 use crate::report::DiagnosticReport;
-use ballast::math::Vec3;
 use ballast::model::{DofMode, Mount};
-use ballast::track::plan::{BlockPlan, PlateBox};
+use ballast::track::plan::{BlockPlan, PlateBox, TineShape};
 use ballast::track::{self, steel_cantilever};
 
-/// Returns the mount of a tine, whose section is at `key`. Absent values are those of a steel tine of these sizes.
+/// Returns the mount of a tine, whose section is at `key`; `None` if it is rigid or invalid.
+///
+/// Absent values are those of a steel tine of blade and shaft. Parts tell too little about the shaft: they need all values.
 pub fn tine_mount(
     case: &case_file::TineMountSection,
-    [blade, shaft]: [[f64; 3]; 2],
+    shape: &TineShape,
     key: &str,
     report: &mut DiagnosticReport,
 ) -> Option<Mount> {
@@ -25,10 +26,26 @@ pub fn tine_mount(
         warn_unused(unused.into_iter(), "`rigid = true`: a tine without a spring", key, report);
         return None;
     }
-    let steel = steel_cantilever(&Vec3::from(blade), &Vec3::from(shaft));
-    let [steel_stiffness, _] = steel.dof_modes[0].spring();
-    let stiffness = case.stiffness.unwrap_or(steel_stiffness);
-    let mass = case.mass_kg.unwrap_or(steel.mass);
+    let (stiffness, mass) = match (shape, case.stiffness, case.mass_kg) {
+        (_, Some(stiffness), Some(mass)) => (stiffness, mass),
+        (TineShape::Boxes { blade, shaft }, stiffness, mass) => {
+            let steel = steel_cantilever(blade, shaft);
+            let [steel_stiffness, _] = steel.dof_modes[0].spring();
+            (stiffness.unwrap_or(steel_stiffness), mass.unwrap_or(steel.mass))
+        }
+        (TineShape::Parts(_), stiffness, _) => {
+            let name = if stiffness.is_none() { "stiffness_N_per_m" } else { "mass_kg" };
+            let text = DiagnosticText {
+                problem: format!("missing key `{name}`"),
+                found: "a tine of `parts`".into(),
+                expected: "`mount` with `stiffness_N_per_m` and `mass_kg`, or `rigid = true`"
+                    .into(),
+                hint: Some("only `blade_size_m` and `shaft_size_m` have a default mount".into()),
+            };
+            report.error(&format!("{key}.{name}"), text);
+            return None;
+        }
+    };
     let damping = 2.0 * case.damping_ratio * (stiffness * mass).sqrt();
     Some(Mount::spring(mass, stiffness, damping))
 }

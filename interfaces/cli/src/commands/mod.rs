@@ -17,5 +17,6 @@ pub mod solve;
 mod solve_table;
 pub mod stones;
 pub mod sweep;
+pub mod tool;
 pub mod validate;
 pub mod verify;

@@ -6,7 +6,7 @@ use ballast_session::files::{begins_with, check_replaceable, replace_text};
 use ballast_session::table::TextTable;
 use ballast_session::{Failure, Reporter, Result};
 use clap::Args;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// First line of a file with stones.
 const FIRST_LINE: &str = "# Stones of a case, from `ballast stones`.\n";
@@ -25,11 +25,7 @@ pub struct StonesArgs {
 }
 
 pub fn stones(args: StonesArgs, console: Console) -> Result {
-    if let Some(out) = &args.out {
-        let is_of_stones = || begins_with(out, FIRST_LINE.as_bytes());
-        check_replaceable(out, "stones of a case (TOML)", is_of_stones)
-            .map_err(|e| Failure::at(out, e))?;
-    }
+    check_out(args.out.as_deref(), "stones of a case (TOML)", FIRST_LINE)?;
     let mut table = TextTable::new("stone", MeshStone::COLUMNS);
     let mut toml = FIRST_LINE.to_string();
     for path in &args.meshes {
@@ -40,12 +36,24 @@ pub fn stones(args: StonesArgs, console: Console) -> Result {
         toml += &stone.toml_text();
     }
     console.result(&table.text());
-    match &args.out {
+    write_out(args.out.as_deref(), "--out FILE writes the stones for a case", &toml, console)
+}
+
+/// Refuses to replace a file that does not begin with `first_line`.
+pub(super) fn check_out(out: Option<&Path>, what: &str, first_line: &str) -> Result {
+    let Some(out) = out else { return Ok(()) };
+    let is_replaceable = || begins_with(out, first_line.as_bytes());
+    check_replaceable(out, what, is_replaceable).map_err(|e| Failure::at(out, e))
+}
+
+/// Writes a piece of a case to `out`; without a file, prints the `hint`.
+pub(super) fn write_out(out: Option<&Path>, hint: &str, toml: &str, console: Console) -> Result {
+    match out {
         Some(out) => {
-            replace_text(out, &toml)?;
+            replace_text(out, toml)?;
             console.result(&out.display().to_string());
         }
-        None => console.note("--out FILE writes the stones for a case"),
+        None => console.note(hint),
     }
     Ok(())
 }

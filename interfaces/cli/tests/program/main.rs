@@ -25,5 +25,6 @@ mod setup;
 mod signals;
 mod solve;
 mod sweeps;
+mod tools;
 mod validate;
 mod windows;

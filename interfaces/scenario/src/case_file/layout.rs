@@ -148,9 +148,25 @@ pub struct TineRows {
     #[serde(default = "default_shaft_size")]
     #[schemars(with = "[Length; 3]")]
     pub shaft_size_m: [f64; 3],
+    /// Convex parts of the tine. `ballast tool` makes them from a surface mesh. Absent: the boxes of blade and shaft.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 64))]
+    pub parts: Vec<TinePartSection>,
     /// Mount of each blade.
     #[serde(default)]
     pub mount: TineMountSection,
+}
+
+/// A convex part of a tine that squeezes towards +x. The tine that squeezes towards -x is its mirror image.
+///
+/// Origin: the middle of the blade's upper edge. x: direction of the squeeze; y: across the track; z: up. All below the
+/// origin counts as the blade.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct TinePartSection {
+    /// Corners, each with x, y and z, m.
+    #[schemars(with = "Vec<[Finite; 3]>", length(min = 4, max = 100))]
+    pub corners: Vec<[f64; 3]>,
 }
 
 fn default_gap() -> f64 {
@@ -175,11 +191,12 @@ fn default_shaft_size() -> [f64; 3] {
 pub struct TineMountSection {
     /// true: the tine follows the motion of the machine exactly.
     pub rigid: bool,
-    /// Stiffness of the spring, N/m. Absent: that of the shaft as a steel cantilever, in its weaker direction.
+    /// Stiffness of the spring, N/m. Needed with `parts`. Absent: that of the shaft as a steel cantilever, in its weaker
+    /// direction.
     #[serde(rename = "stiffness_N_per_m", skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Stiffness>")]
     pub stiffness: Option<f64>,
-    /// Mass that moves with the blade, kg. Absent: that of such a cantilever with the blade at its end.
+    /// Mass that moves with the blade, kg. Needed with `parts`. Absent: that of such a cantilever with the blade at its end.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(with = "Option<Mass>")]
     pub mass_kg: Option<f64>,
@@ -220,6 +237,10 @@ pub struct TineSection {
     #[serde(default = "default_shaft_size")]
     #[schemars(with = "[Length; 3]")]
     pub shaft_size_m: [f64; 3],
+    /// Convex parts of the tine. `ballast tool` makes them from a surface mesh. Absent: the boxes of blade and shaft.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(length(max = 64))]
+    pub parts: Vec<TinePartSection>,
     /// Mount of the blade.
     #[serde(default)]
     pub mount: TineMountSection,

@@ -14,7 +14,7 @@ mod walls;
 pub use bed::{BedSection, GrainsSection, SizeClassSection, StiffnessSection, TrafficSection};
 pub use layout::{
     BlockSection, DofModeName, MountSection, SleeperRow, SleeperSection, SqueezeDirection,
-    TineMountSection, TineRows, TineSection,
+    TineMountSection, TinePartSection, TineRows, TineSection,
 };
 pub use plate::{PlateBoxSection, PlateLoadSection, PlateMotionSection, PlateSection};
 pub use run::{PartitionMethod, RunSection, SolverSection};

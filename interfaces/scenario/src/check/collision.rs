@@ -3,6 +3,7 @@
 use crate::diagnostic::DiagnosticText;
 use crate::layout::{Layout, PlacedBody};
 use crate::report::DiagnosticReport;
+use ballast::geometry::AxisBox;
 use ballast::track::plan::{SleeperPlan, TampingPlan, TinePlan};
 use ballast::track::{ROUNDING_TOLERANCE, SweptArea, swept_area};
 use std::collections::BTreeSet;
@@ -170,12 +171,13 @@ fn tine_and_sleeper(
     let (name, other) = (&tine.plan.name, &sleeper.plan.name);
     // The first motion that hits the block is the cause.
     if hits(tine_area(&tine.plan, 0.0, 0.0)) {
+        let AxisBox { low, high } = tine.plan.bounds();
         report_once(report, reported, &tine.key_x, || DiagnosticText {
             problem: format!("`{name}` is inserted into `{other}`"),
             found: format!("its middle at x = {:.4} m", tine.plan.position[0]),
             expected: format!(
                 "blade, shaft and vibration ({:.3} m to each side) clear of the blocks",
-                0.5 * tine.plan.blade.x.max(tine.plan.shaft.x) + amplitude
+                high.x.max(-low.x) + amplitude
             ),
             hint: Some("sizes, positions and `amplitude_m` matter, too".into()),
         });

@@ -145,7 +145,7 @@ fn above_floor(
 ) {
     let edge = tamping.deep_edge(bed);
     for tine in &layout.tines {
-        let lowest = edge - tine.plan.blade.z;
+        let lowest = edge + tine.plan.bounds().low.z;
         if lowest <= 0.0 {
             let text = DiagnosticText {
                 problem: format!("`{}` reaches the floor", tine.plan.name),
@@ -172,7 +172,7 @@ fn among_grains(
     let edge = tamping.deep_edge(bed);
     let level = bed.preparation.fill_level;
     for tine in &layout.tines {
-        let lowest = edge - tine.plan.blade.z;
+        let lowest = edge + tine.plan.bounds().low.z;
         if lowest >= level {
             let text = DiagnosticText {
                 problem: format!("`{}` never reaches the bed", tine.plan.name),
@@ -302,7 +302,7 @@ fn step_resolves(
 fn max_travel(tamping: &TampingPlan, bed: &BedPlan, layout: &Layout) -> Option<f64> {
     let start = bed.preparation.fill_level + tamping.insertion.clearance;
     let deep = tamping.deep_edge(bed);
-    layout.tines.iter().map(|t| (start + t.plan.blade.z - deep).abs()).reduce(f64::max)
+    layout.tines.iter().map(|t| (start - t.plan.bounds().low.z - deep).abs()).reduce(f64::max)
 }
 
 /// Rounds `x` down to two digits, so that a suggested value really satisfies the limit.

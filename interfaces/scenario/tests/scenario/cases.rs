@@ -5,7 +5,7 @@ use ballast::math::Vec3;
 use ballast::model::{ContactStiffness, DofMode, DrivenBody, Grains, Model, Solver};
 use ballast::track::TampingCycle;
 use ballast::track::boundary::boundaries;
-use ballast::track::plan::Plan;
+use ballast::track::plan::{Plan, TineShape};
 use ballast::track::sleeper::sleeper;
 use ballast::track::tine::tine;
 use ballast_scenario::{content_key, read_case};
@@ -154,7 +154,8 @@ fn single_sleepers_and_tines_add_to_the_rows() {
     assert!(!plan.sleepers[1].tamped);
     let lone = &plan.tines[4];
     assert_eq!((lone.name.as_str(), lone.direction, lone.pair), ("lone", -1.0, 7));
-    assert_eq!(lone.blade, Vec3::new(0.022, 0.12, 0.07));
+    let (blade, shaft) = (Vec3::new(0.022, 0.12, 0.07), Vec3::new(0.03, 0.06, 0.45));
+    assert_eq!(lone.shape, TineShape::Boxes { blade, shaft });
 }
 
 #[test]

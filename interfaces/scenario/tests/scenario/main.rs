@@ -10,6 +10,7 @@ mod plates;
 mod samples;
 mod schema;
 mod stones;
+mod tools;
 
 /// Valid case, which the tests change.
 pub const BASE: &str = r#"name = "base"
