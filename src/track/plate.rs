@@ -40,7 +40,7 @@ pub(super) fn plate(
     let mut parts = Vec::with_capacity(plan.boxes.len());
     for (i, part) in plan.boxes.iter().enumerate() {
         let size = solid(&part.size, || format!("box {} of {:?}", i + 1, plan.name))?;
-        parts.push(cuboid(shapes, &size, part.offset)?);
+        parts.push(cuboid(shapes, &size, part.offset));
     }
     Ok(DrivenBody {
         name: plan.name.clone(),

@@ -30,7 +30,7 @@ pub struct SceneView<'a> {
     pub high: f64,
 }
 
-/// Convex body of the view: a grain, or a part of a sleeper or tine.
+/// Convex body of the view: a grain, or a part of a driven body.
 struct SceneItem {
     shape: u32,
     kind: u32,
@@ -73,7 +73,7 @@ impl SceneView<'_> {
         (0..count).map(|k| &self.frames[chosen(k)]).collect()
     }
 
-    /// Returns grains, then parts of tines (kind 1) and sleepers (kind 2).
+    /// Returns grains, then parts of tines (kind 1), sleepers and plates (kind 2).
     fn items(&self) -> Vec<SceneItem> {
         let model = self.model;
         let grain = |(body, shape): (usize, &u32)| SceneItem {
@@ -86,7 +86,7 @@ impl SceneView<'_> {
         for (body, driven) in (model.grains.len()..).zip(&model.driven) {
             let kind = match driven.role {
                 Role::Tine => 1,
-                Role::Sleeper => 2,
+                Role::Sleeper | Role::Plate => 2,
                 Role::Boundary => continue,
             };
             items.extend(driven.parts.iter().filter_map(|part| match part {

@@ -230,10 +230,11 @@ fn obstacles(
     // Without a cycle the start of the run shows whether a plate stands in a tine.
     for (tine, tamping) in layout.tines.iter().flat_map(|t| Some((&t.plan, tamping?))) {
         let area = swept_area(tine, tamping.squeeze.stroke, tamping.vibration.amplitude);
-        let deep = tamping.deep_edge(bed) - tine.blade.z;
+        let bounds = tine.bounds();
+        let deep = tamping.deep_edge(bed) + bounds.low.z;
         let start = bed.preparation.fill_level + tamping.insertion.clearance;
         let low = Vec3::new(area.x[0], area.y[0], deep.min(start));
-        let high = start.max(deep) + tine.blade.z + tine.shaft.z;
+        let high = start.max(deep) + bounds.high.z - bounds.low.z;
         let high = Vec3::new(area.x[1], area.y[1], high);
         obstacles.push((tine.name.clone(), AxisBox { low, high }));
     }
