@@ -98,7 +98,8 @@ fn introduction(source: &ReportSource, page: &mut HtmlPage) {
     cards.push(["error of tool and sleeper forces".into(), error, method]);
     let work = summary.total_contact_work();
     let error = work.error().map_or("-".into(), |e| format!("{:.2} %", 100.0 * e));
-    let joules = format!("{} J; target 1 %", figure(work.gap + work.infeasible, 2));
+    let parts = [work.gap + work.infeasible, work.dissipated].map(|joules| figure(joules, 3));
+    let joules = format!("{} of {} J, all steps", parts[0], parts[1]);
     cards.push(["complementarity gap / dissipated energy".into(), error, joules]);
     page.cards(&cards);
 }
