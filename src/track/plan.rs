@@ -31,6 +31,13 @@ pub struct Plan {
     pub run: RunPlan,
 }
 
+impl Plan {
+    /// True if only the prepared bed shows where some of the bodies start.
+    pub fn has_lowered_plates(&self) -> bool {
+        self.plates.iter().any(|plate| plate.z.is_none())
+    }
+}
+
 /// The bed and how it is prepared (`deposit`).
 #[derive(Debug, Clone, PartialEq)]
 pub struct BedPlan {

@@ -99,11 +99,20 @@ pub(super) fn place_standing(plan: &Plan, builder: &mut BedBuilder) -> Result<()
     Ok(())
 }
 
-/// Returns the pose at which a plate of the run starts: at its height of the plan, or lowered onto the grains.
+/// Returns the pose at which a plate of the run starts: at its height of the plan, or lowered onto the grains. In a bed without
+/// grains, which stands for the case before its preparation, a lowered plate is at `fill_level` (m).
 ///
 /// # Errors
 /// A plate that reaches into a grain or another body there, or that has no grain below it to be lowered onto.
-pub(super) fn start_pose(plan: &PlatePlan, model: &Model, state: &State) -> Result<Pose> {
+pub(super) fn start_pose(
+    plan: &PlatePlan,
+    fill_level: f64,
+    model: &Model,
+    state: &State,
+) -> Result<Pose> {
+    if plan.z.is_none() && model.grains.is_empty() {
+        return Ok(Pose::at(planned_position(plan) + Vec3::z() * fill_level));
+    }
     let at = Vec3::new(plan.position[0], plan.position[1], start_height(plan, model, state)?);
     check_grains(plan, at, model, state)?;
     check_bodies(plan, at, model, state)?;

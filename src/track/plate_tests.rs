@@ -85,6 +85,13 @@ fn plates_in_grains_or_bodies_are_refused() {
 }
 
 #[test]
+fn a_case_has_a_start_before_its_bed_is_prepared() {
+    let plan = with_plate(steel("lid", of_size(LID_SIZE)));
+    let (model, _) = scene(&plan, crate::track::empty_bed(&plan).unwrap()).unwrap();
+    assert!(model.driven_index("lid").is_some());
+}
+
+#[test]
 fn grains_are_poured_beside_a_plate_of_the_preparation() {
     let wall = [0.02, 0.14, 0.2];
     let boxes = vec![

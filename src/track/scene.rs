@@ -41,7 +41,7 @@ pub fn scene(plan: &Plan, bed: Bed) -> Result<(Model, State)> {
     }
     for p in plan.plates.iter().filter(|p| !p.in_preparation) {
         check_new(&format!("plate {:?}", p.name), &p.name, &model)?;
-        let pose = plate::start_pose(p, &model, &state)?;
+        let pose = plate::start_pose(p, plan.bed.preparation.fill_level, &model, &state)?;
         let body = plate::plate(p, p.friction, &mut model.shapes)?;
         add(&mut model, &mut state, DrivenBody { mount: p.mount, ..body }, pose);
     }

@@ -121,8 +121,8 @@ fn check_windows(args: &ReplayArgs, case: &Case, windows: &WindowReader) -> Resu
     if windows.start().is_some() {
         return recording_start::check_case(windows, case, &model);
     }
-    // Only the prepared bed shows whether damage has cut off the start.
-    if windows.truncation().is_some() {
+    // Only the prepared bed shows whether damage has cut off the start, and where a lowered plate is.
+    if windows.truncation().is_some() || case.plan.has_lowered_plates() {
         return Ok(());
     }
     let cycle = tamping_driver(case, &model, &state)?;
@@ -171,8 +171,15 @@ fn poses(
     for note in &motion.notes {
         console.note(note);
     }
+    for warning in &motion.warnings {
+        console.warning(&format!("{}: {warning}", args.file.display()));
+    }
+    // Only the prepared bed shows where a lowered plate is.
+    if case.plan.has_lowered_plates() {
+        return Ok(motion);
+    }
     let overlap = body_overlap::overlap_warning(&model, &state, &motion.inputs, motion.end_ns);
-    for warning in motion.warnings.iter().chain(&overlap) {
+    if let Some(warning) = overlap {
         console.warning(&format!("{}: {warning}", args.file.display()));
     }
     let recording = RecordingDriver::from_motion(&args.file, motion.clone(), args.allow_jump);
