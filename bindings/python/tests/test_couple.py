@@ -183,6 +183,23 @@ def test_a_guess_too_far_for_the_ballast_is_taken_back(sim: ballast.Simulation, 
     assert far and all(w.is_converged for w in windows)
 
 
+def test_forces_that_jump_do_not_stall_the_iterations() -> None:
+    """Each component jumps by 1.2 um at many places, as forces do where stones slip; the tolerance is 2 um."""
+    for seed in range(10):
+        rng, n = np.random.default_rng(seed), 24
+        slope, offset, motion = rng.uniform(-0.6, -0.3, n), 3e-4 * rng.normal(size=n), np.zeros(n)
+        guess = couple._Guess("iqn-ils", 0.5)
+        guess.begin_window()
+        for _ in range(60):
+            jump = np.sin(1e6 * motion.sum() + np.arange(n)) + np.sign(np.sin(1e6 * motion + np.arange(n)))
+            answer = slope * motion + offset + 1.2e-6 * jump
+            residual = np.abs(answer - motion).max()
+            if residual <= 2e-6:
+                break
+            motion = guess.next(motion, answer)
+        assert residual <= 2e-6, seed
+
+
 def test_bodies_on_springs_are_refused(case: ballast.Case, beds: Path) -> None:
     with ballast.open(case, bed_cache=beds, threads=1, progress=False) as sim:
         with pytest.raises(ValueError, match="rigid = true"):

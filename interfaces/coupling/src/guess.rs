@@ -7,6 +7,9 @@ use nalgebra::{DMatrix, DVector};
 const REUSED_WINDOWS: usize = 3;
 /// Fraction of a column of differences that must be independent of the newer columns.
 const MIN_INDEPENDENT: f64 = 0.01;
+/// Maximum number of differences of a window: then IQN-ILS starts again from a relaxed guess, because contact forces jump and
+/// older differences mislead it.
+const MAX_DIFFERENCES: usize = 15;
 
 /// Difference between two iterations.
 #[derive(Clone)]
@@ -66,6 +69,10 @@ impl MotionGuess {
             self.differences.insert(0, difference);
         }
         match (self.acceleration, before) {
+            (CouplingAcceleration::IqnIls, _) if self.differences.len() > MAX_DIFFERENCES => {
+                self.forget();
+                self.factor = self.relaxation;
+            }
             (CouplingAcceleration::IqnIls, _) => {
                 if let Some(change) = self.quasi_newton_change(&residual) {
                     return answer + change;

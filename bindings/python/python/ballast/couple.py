@@ -35,6 +35,8 @@ ACCELERATIONS = ("fixed", "aitken", "iqn-ils")
 REUSED_WINDOWS = 3
 #: Fraction of a column of differences that must be independent of the newer columns.
 MIN_INDEPENDENT = 0.01
+#: Differences of a window after which IQN-ILS starts again from a relaxed guess: contact forces jump, and older ones mislead it.
+MAX_DIFFERENCES = 15
 
 
 class Partner(Protocol):
@@ -355,7 +357,9 @@ class _Guess:
         if self.last is not None:
             self.differences.insert(0, (residual - self.last[0], answer - self.last[1]))
         before, self.last = self.last, (residual, answer)
-        if self.acceleration == "iqn-ils":
+        if self.acceleration == "iqn-ils" and len(self.differences) > MAX_DIFFERENCES:
+            self.forget()
+        elif self.acceleration == "iqn-ils":
             columns = _independent(self.differences + [pair for window in self.reused for pair in window])
             if columns:
                 v, w = (np.stack(part, axis=1) for part in zip(*columns, strict=True))
