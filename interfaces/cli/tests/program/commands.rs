@@ -124,7 +124,7 @@ fn a_bed_is_prepared_once() {
     let inspected = place.call(&format!("inspect {} --json", bed.display())).with_code(0).events();
     assert_eq!(
         [&inspected[0]["key"], &inspected[0]["hash"]],
-        ["d561c2bbdb1c4fd7c5ec57f3e304a7f7", "f44dbc27c5e2a3b30e143d120480b962"]
+        ["9a0a249d5de536dfc00a0ec68c872c10", "f44dbc27c5e2a3b30e143d120480b962"]
     );
     let bytes = std::fs::read(&bed).unwrap();
     place.call("prepare tiny.toml --bed-cache beds --force").with_code(0);

@@ -49,13 +49,13 @@ fn column(place: &Place, folder: &str, name: &str, steps: RangeInclusive<usize>)
     place.call(&format!("export {folder}/results.vtkhdf --out {folder}_tables")).with_code(0);
     let table = place.text(&format!("{folder}_tables/steps.csv"));
     let mut lines = table.lines().filter(|line| !line.starts_with('#'));
-    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
-    let i = header.iter().position(|column| column.starts_with(name));
-    let i = i.unwrap_or_else(|| panic!("{name} in {header:?}"));
+    // From the end of the line: the unit of the phase has commas.
+    let mut header = lines.next().unwrap().rsplit(',');
+    let column = header.position(|title| title.starts_with(name)).expect(name);
     let rows: Vec<&str> = lines.collect();
     rows[*steps.start() - 1..*steps.end()]
         .iter()
-        .map(|row| row.split(',').nth(i).unwrap().parse().unwrap())
+        .map(|row| row.rsplit(',').nth(column).unwrap().parse().unwrap())
         .collect()
 }
 

@@ -17,7 +17,7 @@ fn a_page_tells_a_whole_run_by_itself() {
     let page = place.text("run/report.html");
     assert!(page.len() < 1 << 20, "{} bytes", page.len());
     for word in ["<script", "http:", "https:", "src=", "NaN", "inf"] {
-        assert!(!page.contains(word), "{word}");
+        assert!(!page.replace("infeasible", "").contains(word), "{word}");
     }
     for word in [
         "End of the squeeze",
