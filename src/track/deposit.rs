@@ -23,6 +23,7 @@ use super::height_map::HeightMap;
 use super::plate;
 use super::pour::{self, PlacedGrain, Templates};
 use super::settle::{BedBuilder, DepositProgress, DepositStage, Settling};
+use super::shape::overlaps;
 use super::sleeper::{block_boxes, sleeper, sleeper_pose};
 use super::subgrade;
 use super::traffic;
@@ -59,8 +60,6 @@ const MAX_BED_PENETRATION: f64 = 0.05;
 /// Cap and tolerance of the last settling: the tolerance that is usual in this field.
 const REST_ITERATIONS: u32 = 500;
 const REST_TOLERANCE: f64 = 1.666e-4;
-/// Overlap with a sleeper or plate that counts as none, of the grain's volume.
-const TOUCH: f64 = 1e-9;
 
 /// A prepared bed: grains at rest, boundaries, sleepers and the plates that stand in it; no tines.
 #[derive(Debug, Clone, PartialEq)]
@@ -389,19 +388,6 @@ fn make_room(plan: &Plan, builder: &mut BedBuilder, level: f64) {
 /// Height of a grain's highest point, m.
 pub(super) fn top(shape: &Polyhedron, pose: &Pose) -> f64 {
     shape.vertices.iter().map(|v| pose.point(v).z).fold(f64::NEG_INFINITY, f64::max)
-}
-
-/// True if a polyhedron at `pose` reaches into a box.
-pub(super) fn overlaps(
-    clipper: &mut Clipper,
-    shape: &Polyhedron,
-    pose: &Pose,
-    region: &AxisBox,
-) -> bool {
-    let p = pose.position;
-    let apart =
-        (0..3).any(|k| p[k] + shape.radius < region.low[k] || p[k] - shape.radius > region.high[k]);
-    !apart && clipper.volume_inside(shape, pose, &region.half_spaces()) > TOUCH * shape.volume
 }
 
 /// The relief of the bed without grains: the floor, and nothing is laid below or above a plate.

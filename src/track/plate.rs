@@ -4,9 +4,8 @@
 //! Contract: the body's origin, to which its wrench refers, is the reference point of its boxes. A plate never starts in a
 //! grain or in another body.
 
-use super::deposit::overlaps;
 use super::settle::BedBuilder;
-use super::shape::{cuboid, cuboid_mount, solid};
+use super::shape::{cuboid, cuboid_mount, overlaps, solid};
 use crate::error::{Error, Result};
 use crate::geometry::{AxisBox, Clipper, Polyhedron};
 use crate::math::{Pose, Vec3};

@@ -1,9 +1,12 @@
 //! Parts of driven bodies: cuboids and convex polyhedra, and their mass.
 
 use crate::error::{Error, Result};
-use crate::geometry::{self, Polyhedron};
+use crate::geometry::{self, AxisBox, Clipper, Polyhedron};
 use crate::math::{Pose, Vec3};
 use crate::model::{DofMode, Mount, Part};
+
+/// Overlap with a sleeper or plate that counts as none, of the grain's volume.
+const TOUCH: f64 = 1e-9;
 
 /// `size` if its edges are finite and positive, else an error that names the place.
 pub(super) fn solid(size: &Vec3, place: impl Fn() -> String) -> Result<Vec3> {
@@ -31,6 +34,19 @@ pub(super) fn part(shapes: &mut Vec<Polyhedron>, shape: Polyhedron, pose: Pose) 
         shapes.len() - 1
     });
     Part::Convex { shape: index as u32, pose }
+}
+
+/// Returns true if a polyhedron at `pose` reaches into a box.
+pub(super) fn overlaps(
+    clipper: &mut Clipper,
+    shape: &Polyhedron,
+    pose: &Pose,
+    region: &AxisBox,
+) -> bool {
+    let p = pose.position;
+    let apart =
+        (0..3).any(|k| p[k] + shape.radius < region.low[k] || p[k] - shape.radius > region.high[k]);
+    !apart && clipper.volume_inside(shape, pose, &region.half_spaces()) > TOUCH * shape.volume
 }
 
 /// Mount of a body of cuboids, given by their middles and sizes (m), of one density (kg/m³) or, if it is given, one mass (kg).

@@ -77,7 +77,7 @@ pub enum Command {
     /// Make the convex parts of a tine from a surface mesh, such as a CAD model
     Tool(crate::commands::tool::ToolArgs),
     /// Write an HTML report of a run: pictures, compactness, forces, energy, quality, settings
-    Report(ReportArgs),
+    Report(crate::commands::report::ReportArgs),
     /// Measure support stiffness or lateral resistance of a sleeper on its bed
     Probe {
         #[command(subcommand)]
@@ -291,18 +291,6 @@ pub struct SweepArgs {
 pub struct CheckArgs {
     /// Case file (TOML)
     pub case: PathBuf,
-}
-
-#[derive(Debug, Args)]
-pub struct ReportArgs {
-    /// Folder of a run, or a file in it; needs the checkpoint, which a replay does not leave
-    pub run: PathBuf,
-    /// Page to write (default: report.html in the folder of the run)
-    #[arg(long, value_name = "FILE")]
-    pub out: Option<PathBuf>,
-    /// Add the bed in 3D, to be turned and played in a browser (28 bytes per body and frame)
-    #[arg(long)]
-    pub scene: bool,
 }
 
 #[derive(Debug, Args)]

@@ -5,6 +5,7 @@ use crate::case_file::{
 };
 use crate::diagnostic::DiagnosticText;
 use crate::mount;
+use crate::placed_body::PlacedBody;
 use crate::plate;
 use crate::report::DiagnosticReport;
 use crate::tine_shape::tine_shape;
@@ -17,15 +18,6 @@ pub struct Layout {
     pub sleepers: Vec<PlacedBody<SleeperPlan>>,
     pub tines: Vec<PlacedBody<TinePlan>>,
     pub plates: Vec<PlacedBody<PlatePlan>>,
-}
-
-/// Sleeper, tine or plate with the paths of the keys that define its position.
-pub struct PlacedBody<T> {
-    pub plan: T,
-    /// Path of its section.
-    pub key: String,
-    pub key_x: String,
-    pub key_y: String,
 }
 
 /// Maximum number of sleepers, tines and plates: far more than any machine has, few enough to compare all pairs.

@@ -12,6 +12,7 @@ mod mount;
 mod nearest;
 mod notation;
 mod overrides;
+mod placed_body;
 mod plate;
 mod read_case;
 mod read_text;
@@ -25,6 +26,7 @@ mod schema;
 mod schema_check;
 #[cfg(test)]
 mod schema_check_tests;
+mod stiffness;
 pub mod sweep;
 mod tine_shape;
 

@@ -3,9 +3,10 @@
 use crate::case_file::{
     CaseFile, PlateBoxSection, PlateLoadSection, PlateMotionSection, PlateSection,
 };
-use crate::layout::PlacedBody;
+use crate::mount;
+use crate::placed_body::PlacedBody;
 use crate::report::DiagnosticReport;
-use crate::{mount, resolve};
+use crate::stiffness::contact_stiffness;
 use ballast::math::Vec3;
 use ballast::track::plan::{PlateBox, PlatePlan, PlateVibration, VectorKnot};
 
@@ -34,10 +35,7 @@ pub fn placed(
             z: plate.z_m,
             boxes,
             friction: plate.friction.unwrap_or(case.bed.friction.boundary),
-            stiffness: resolve::contact_stiffness(
-                stiffness,
-                plate.stiffness.or(stiffness.boundary),
-            ),
+            stiffness: contact_stiffness(stiffness, plate.stiffness.or(stiffness.boundary)),
             mount,
             in_preparation: plate.in_preparation,
             motion: motion

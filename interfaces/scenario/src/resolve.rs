@@ -4,9 +4,9 @@ use crate::case_file::{self, CaseFile};
 use crate::check;
 use crate::layout::Layout;
 use crate::report::DiagnosticReport;
+use crate::stiffness::contact_stiffness;
 use ballast::geometry::GrainShape;
 use ballast::math::Vec3;
-use ballast::model::ContactStiffness;
 use ballast::track::plan::{
     BedPlan, FrictionPlan, GrainPlan, InsertionPlan, LiftPlan, LoadCycles, Plan, PreparationPlan,
     ReleasePlan, RunPlan, SizeClass, SqueezePlan, StiffnessPlan, SubgradePlan, TampingPlan,
@@ -75,21 +75,6 @@ fn stiffness(
         sleeper: of(stiffness.sleeper),
         tine: of(stiffness.tine),
         boundary: walls.by_name().map(|(_, wall)| of(wall.stiffness.or(stiffness.boundary))),
-    }
-}
-
-/// Returns the stiffness of contacts with this normal stiffness, N/m; that between grains if it is absent.
-pub fn contact_stiffness(
-    stiffness: &case_file::StiffnessSection,
-    normal: Option<f64>,
-) -> ContactStiffness {
-    match normal.or(stiffness.grain) {
-        None | Some(f64::INFINITY) => ContactStiffness::RIGID,
-        Some(normal) => ContactStiffness {
-            normal,
-            tangential_ratio: stiffness.tangential_ratio,
-            damping_time: stiffness.damping_s,
-        },
     }
 }
 

@@ -41,7 +41,7 @@ pub struct PlateSection {
     pub stiffness: Option<f64>,
     /// Mount, which lets grains, weight and loads move the plate in the run. Absent: it stands, or follows `motion`.
     pub mount: Option<MountSection>,
-    /// Displacement from the start of the run, in order of time. Of a plate on a mount it moves the mount.
+    /// Displacement from the start of the run, in order of time. Of a plate on a mount it moves the mount. Absent: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 100000))]
     pub motion: Option<Vec<PlateMotionSection>>,
@@ -49,6 +49,7 @@ pub struct PlateSection {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub vibration: Option<PlateVibrationSection>,
     /// Force on the plate besides its weight, in order of time. The plate needs a mount that lets it move along the force.
+    /// Absent: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(length(min = 1, max = 100000))]
     pub load: Option<Vec<PlateLoadSection>>,

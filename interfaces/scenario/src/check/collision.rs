@@ -1,7 +1,8 @@
 //! Collisions of sleepers and tines with each other and with the box, in plan view.
 
 use crate::diagnostic::DiagnosticText;
-use crate::layout::{Layout, PlacedBody};
+use crate::layout::Layout;
+use crate::placed_body::PlacedBody;
 use crate::report::DiagnosticReport;
 use ballast::geometry::AxisBox;
 use ballast::track::plan::{SleeperPlan, TampingPlan, TinePlan};

@@ -1,7 +1,8 @@
 //! Checks of the tamping cycle against run, bed and time step.
 
 use crate::diagnostic::DiagnosticText;
-use crate::layout::{Layout, PlacedBody};
+use crate::layout::Layout;
+use crate::placed_body::PlacedBody;
 use crate::report::DiagnosticReport;
 use ballast::model::DofMode;
 use ballast::track::motion_law::{SMOOTH_STEP_PEAK, TRAVEL_PEAK};

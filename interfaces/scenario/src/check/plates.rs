@@ -2,7 +2,8 @@
 
 use super::machine::{MIN_STEPS_PER_SINE, TravelLimit};
 use crate::diagnostic::DiagnosticText;
-use crate::layout::{Layout, PlacedBody};
+use crate::layout::Layout;
+use crate::placed_body::PlacedBody;
 use crate::report::DiagnosticReport;
 use ballast::geometry::AxisBox;
 use ballast::math::Vec3;

@@ -2,7 +2,8 @@
 
 use crate::case_file::CaseFile;
 use crate::diagnostic::DiagnosticText;
-use crate::layout::{Layout, PlacedBody};
+use crate::layout::Layout;
+use crate::placed_body::PlacedBody;
 use crate::report::DiagnosticReport;
 use ballast::track::plan::{TampingPlan, TinePlan};
 use std::collections::{BTreeMap, BTreeSet};

@@ -11,7 +11,7 @@ fn key(text: &str) -> String {
 #[test]
 fn the_key_is_the_same_on_every_machine() {
     // Obtained from the seventeenth version of the key; changes with it, and with the base case.
-    assert_eq!(key(BASE), "1a7b765318ac32a93022e920983d62d6");
+    assert_eq!(key(BASE), "2428f0a1ad02d8c7d0458f572d17bf35");
 }
 
 #[test]
