@@ -75,7 +75,7 @@ fn a_scene_has_the_bodies_of_every_frame_and_needs_nothing_from_outside() {
         bytes(key).chunks_exact(4).map(|b| f32::from_le_bytes(b.try_into().unwrap())).collect()
     };
     let results = ResultsReader::open(place.path("run/results.vtkhdf")).unwrap();
-    let stored = checkpoint::read(&place.path("run/checkpoint.h5")).unwrap();
+    let stored = checkpoint::read(place.path("run/checkpoint.h5")).unwrap();
     let (grains, frames) = (stored.model.grains.len(), results.times().unwrap().len());
     assert!(frames > 2);
     assert_eq!(data["frames"].as_array().unwrap().len(), frames);
